@@ -11,6 +11,7 @@ from nico_selfmodel.cli import options, printer
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from nico_selfmodel.model.cameras.mirror import Mirror
     from nico_selfmodel.sessions.watching import Watching
     from nico_selfmodel.sessions.watching_body import WatchingBody
     from nico_selfmodel.systems.simulated.imperfections import Imperfections
@@ -30,7 +31,7 @@ def live(
         typer.Option(
             "--mirror",
             metavar=options.MIRROR,
-            help="Put a mirror that the self-model knows before the robot, placed as for `record`.",
+            help="Put a mirror that the model knows before the robot, placed as it was recorded.",
         ),
     ] = None,
     count: options.Count = 12,
@@ -49,9 +50,7 @@ def live(
     if out is not None:
         refuse_existing(out, force=force)
     if is_body(model):
-        if mirror is not None:
-            raise ValueError("--mirror is for one arm: a whole body is shown without a mirror")
-        watched = _whole_body(model, chosen, seed, out is not None)
+        watched = _whole_body(model, chosen, seed, mirror, out is not None)
     else:
         watched = _one_arm(model, chosen, seed, mirror, out is not None)
     with watched as watching:
@@ -76,20 +75,25 @@ def _one_arm(
 ) -> "Watching":
     """Wake up one arm before a head that stands still."""
     from nico_selfmodel.model.self_model_file import load_model
-    from nico_selfmodel.sessions.mirrors.nico_before_mirrors import mirror_of_words
     from nico_selfmodel.sessions.watching import Watching
 
     known = load_model(model)
     instance = int(known.provenance.get("seed") or 0) if seed is None else seed
-    put = None
-    if mirror is not None:
-        name, place = mirror_of_words(mirror)
-        put = (name, place if "=" in mirror else None)
-    return Watching(known, world, instance, mirror=put, recording=recording)
+    return Watching(known, world, instance, mirror=_placed(mirror), recording=recording)
+
+
+def _placed(mirror: str | None) -> "tuple[str, Mirror | None] | None":
+    """Return a mirror's name, and where it is put; None as place where nobody says it."""
+    from nico_selfmodel.sessions.mirrors.nico_before_mirrors import mirror_of_words
+
+    if mirror is None:
+        return None
+    name, place = mirror_of_words(mirror)
+    return name, place if "=" in mirror else None
 
 
 def _whole_body(
-    model: Path, world: "Imperfections", seed: int | None, recording: bool
+    model: Path, world: "Imperfections", seed: int | None, mirror: str | None, recording: bool
 ) -> "WatchingBody":
     """Wake up a whole Nico in its room."""
     from nico_selfmodel.model.tree.body_model import load_body
@@ -97,7 +101,7 @@ def _whole_body(
 
     known = load_body(model)
     instance = int(known.provenance.get("seed") or 0) if seed is None else seed
-    return WatchingBody(known, world, instance, recording=recording)
+    return WatchingBody(known, world, instance, mirror=_placed(mirror), recording=recording)
 
 
 def _tell(errors: "NDArray | Mapping[str, NDArray]") -> None:

@@ -96,7 +96,7 @@ def _predict_body(
     marker: str | None,
     as_json: bool,
 ) -> None:
-    """Predict the markers of any body: places, orientations, sigma, and pixels by camera."""
+    """Predict the markers of any body: places, orientations, sigma, pixels by camera and mirror."""
     import numpy as np
 
     from nico_selfmodel.estimation.tree.body_prediction import predict_body
@@ -116,6 +116,7 @@ def _predict_body(
     approach[:, read] = 0.0 if side is None else side
     found = predict_body(body, readings, approach)
     turns = rotation_vectors_of(found.R_WM)
+    images = found.pixels | {f"{c}_in_{m}": uv for (c, m), uv in found.reflected.items()}
     rows = []
     for k in range(len(readings)):
         for m in chosen:
@@ -123,7 +124,7 @@ def _predict_body(
             turn = dict(zip(("rx", "ry", "rz"), turns[k, m].tolist(), strict=True))
             seen = {
                 f"{name}_{axis}": None if np.isnan(value) else float(value)
-                for name, pixels in found.pixels.items()
+                for name, pixels in images.items()
                 for axis, value in zip("uv", pixels[k, m], strict=True)
             }
             sigma = {"sigma_mm": 1e3 * float(found.sigma[k, m])}

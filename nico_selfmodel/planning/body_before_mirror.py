@@ -13,7 +13,8 @@ from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import listed
-from nico_selfmodel.planning.body_poses import BodyView
+from nico_selfmodel.planning.body_poses import ROOM, SIDE, BodyView
+from nico_selfmodel.planning.mirror_view import LEAST_SIDE
 from nico_selfmodel.planning.visible_workspace import FACING
 from nico_selfmodel.systems.simulated.glass import Glass
 
@@ -93,8 +94,11 @@ class BodyBeforeMirror:
             centre = np.broadcast_to(p.T[:, None], virtual.shape)
             out[:, c] &= self.glass.between(centre, virtual, _RIM)
             way = reflect(plane, centre) - p_WM
-            faces = np.sum(way * z_WM, axis=2) > FACING * np.linalg.norm(way, axis=2)
-            out[:, c] &= faces | ~cards
+            distance, along = np.linalg.norm(way, axis=2), np.sum(way * z_WM, axis=2)
+            good = along > FACING * distance
+            if self.view.pictured:
+                good &= SIDE * tree.lenses[sensor.name].fx * along > LEAST_SIDE * distance**2
+            out[:, c] &= good | ~cards
         return out & (plane.distance_to(p_WM) > _CLEARANCE)[:, None] & clear[:, None, None]
 
     def spots(self, q: NDArray, marker: str) -> NDArray:
@@ -126,7 +130,8 @@ class BodyBeforeMirror:
         own = [body.tree.marker_index(name) for name in markers]
         for _ in range(_ROUNDS):
             q = rng.uniform(body.lower, body.upper, (_DRAWN, len(body.joints)))
-            found.extend(q[self.seen(q)[:, :, own].all(axis=(1, 2))])
+            good = q[self.seen(q)[:, :, own].all(axis=(1, 2))]
+            found.extend(pose for pose in good if self._free(pose, markers))
             if len(found) >= count:
                 return np.array(found[:count])
         raise ModelError(
@@ -134,6 +139,50 @@ class BodyBeforeMirror:
             f"{_ROUNDS * _DRAWN} poses show every camera its reflection, {count} are wanted: put "
             "it elsewhere; 300 mm before the left camera, tilted by 0 and -20 deg, is a good place"
         )
+
+    def by_turns(
+        self, cards: Sequence[str], count: int, rng: np.random.Generator
+    ) -> list[tuple[str, NDArray]]:
+        """Draw poses in which every camera sees one of several cards in the glass, by turns.
+
+        Args:
+            cards: Their names.
+            count: How many poses.
+            rng: Source of the draws.
+
+        Returns:
+            Which card it is, and angles of the commanded joints [rad], shape (k,).
+
+        Raises:
+            ModelError: If hardly any pose shows one.
+        """
+        each = [(count + len(cards) - 1 - k) // len(cards) for k in range(len(cards))]
+        drawn = [
+            [(card, q) for q in self.poses([card], number, rng)]
+            for card, number in zip(cards, each, strict=True)
+            if number
+        ]
+        order = sorted((i, k) for k, found in enumerate(drawn) for i in range(len(found)))
+        return [drawn[k][i] for i, k in order]
+
+    def _free(self, q: NDArray, markers: Sequence[str]) -> bool:
+        """Return whether a pose touches nothing and hides no card's reflection, where it counts.
+
+        Light comes to a camera as straight from the card to the reflected camera, and as straight
+        from the reflected card to the camera: the robot stands in neither way.
+        """
+        if not self.view.pictured:
+            return True
+        if self.view.shapes.collides(q):
+            return False
+        plane, view = self.glass.plane, self.view
+        for card in view.cards(markers):
+            corners, cameras = view.lines(q, card)
+            ways = [(corners, reflect(plane, p_WC)) for p_WC in cameras]
+            ways += [(reflect(plane, corners), p_WC) for p_WC in cameras]
+            if any(view.shapes.hides(q, card.name, *way, ROOM) for way in ways):
+                return False
+        return True
 
     def _motion(self, q: NDArray) -> TreeMotion:
         return TreeMotion.at(self.view.body.tree, self.view.posture(q))

@@ -1,6 +1,6 @@
 """Poses of a whole body in which its own cameras see enough: a room about it, or its own hands."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -24,11 +24,15 @@ _ROUNDS = 200
 _EDGE_PX = 20.0
 """A marker nearer to an image's edge may be out of it in a body that is not as described [px]."""
 
-_CORNERS = 0.4 * CARD * np.array([(a, b, 0.0) for a in (-1, 0, 1) for b in (-1, 0, 1)])
-"""On the marker that is printed on a card on the hand: corners and middles [m]. Shape (9, 3)."""
-_LIFT, _ROOM = 0.006, 0.011
+SIDE = 0.8 * CARD
+"""Of the black square that is printed on a card on the hand [m]."""
+_CORNERS = 0.5 * SIDE * np.array([(a, b, 0.0) for a in (-1, 0, 1) for b in (-1, 0, 1)])
+"""On that square: corners and middles [m]. Shape (9, 3)."""
+_LIFT, ROOM = 0.006, 0.011
 """Off the card, and free about lines of sight from there: links are drawn wider than they collide,
 cards and joints are only nearly where they should be [m]."""
+Turned = Callable[[NDArray], NDArray]
+"""Changes drawn poses: angles of the commanded joints [rad], (N, k) -> (M, k), M up to N."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,15 +68,27 @@ class BodyView:
         """
         tree = self.tree
         motion = TreeMotion.at(tree, self.posture(q))
+        p_WM = np.stack([motion.pose_of(m)[1].T for m in tree.markers], axis=1)
+        out = self.presented(motion)
+        for c, sensor in enumerate(tree.sensors):
+            out[:, c] &= self.inside(sensor.name, *motion.pose_of(sensor), p_WM)
+        return out
+
+    def presented(self, motion: TreeMotion) -> NDArray:
+        """Return which markers pictures would show well, if cameras looked there.
+
+        Args:
+            motion: Of `tree`, at N poses.
+
+        Returns:
+            Whether they are near enough and turned to it. Boolean, shape (N, cameras, markers).
+        """
+        tree = self.tree
         places = [motion.pose_of(m) for m in tree.markers]
         p_WM = np.stack([p.T for _, p in places], axis=1)
         z_WM = np.stack([R[:, 2].T for R, _ in places], axis=1)
-        out = np.zeros((len(q), len(tree.sensors), len(tree.markers)), dtype=bool)
-        for c, sensor in enumerate(tree.sensors):
-            R, p = motion.pose_of(sensor)
-            out[:, c] = self.inside(sensor.name, R, p, p_WM)
-            out[:, c] &= self._plain(p.T[:, None] - p_WM, z_WM)
-        return out
+        cameras = [motion.pose_of(sensor)[1].T for sensor in tree.sensors]
+        return np.stack([self._plain(p[:, None] - p_WM, z_WM) for p in cameras], axis=1)
 
     def inside(self, camera: str, R: NDArray, p: NDArray, points: NDArray) -> NDArray:
         """Return which points a camera has in its image, not next to its edges.
@@ -114,7 +130,7 @@ class BodyView:
 
     def poses(
         self, markers: Sequence[str], fewest: int, count: int, rng: np.random.Generator,
-        also: tuple[Sequence[str], int] = ((), 0),
+        also: tuple[Sequence[str], int] = ((), 0), turned: Turned | None = None,
     ) -> NDArray:  # fmt: skip
         """Draw poses in which every camera sees enough of some markers.
 
@@ -124,6 +140,7 @@ class BodyView:
             count: How many poses.
             rng: Source of the draws.
             also: More markers, and how many of those each camera shall see too.
+            turned: What becomes of drawn poses before they are looked at; nothing if omitted.
 
         Returns:
             Angles of the commanded joints [rad]. Shape (count, k).
@@ -137,9 +154,10 @@ class BodyView:
         found: list[NDArray] = []
         for _ in range(_ROUNDS):
             q = rng.uniform(self.body.lower, self.body.upper, (_DRAWN, len(self.body.joints)))
+            q = q if turned is None else turned(q)
             seen = self.seen(q)
             good = np.all([seen[:, :, own].sum(axis=2) >= n for own, n in wanted], axis=(0, 2))
-            found.extend(pose for pose in q[good] if self._free(pose, markers))
+            found.extend(pose for pose in q[good] if self.free(pose, markers))
             if len(found) >= count:
                 return np.array(found[:count])
         beside = f" and {also[1]} of {listed(also[0])}" if also[1] else ""
@@ -149,21 +167,46 @@ class BodyView:
             "before the head, or ask for fewer"
         )
 
-    def _free(self, q: NDArray, markers: Sequence[str]) -> bool:
-        """Return whether a pose touches nothing and hides no card, where that counts."""
-        if self.limits is None or self.limits.touching:
+    def free(self, q: NDArray, markers: Sequence[str]) -> bool:
+        """Return whether a pose touches nothing and hides no card, where that counts.
+
+        Args:
+            q: Angles of the commanded joints [rad]. Shape (k,).
+            markers: Names of those that shall be seen.
+        """
+        if not self.pictured:
             return True
-        tree = self.body.tree
-        cards = [m for m in tree.markers if m.name in markers and m.oriented]
+        cards = self.cards(markers)
         return not self.shapes.collides(q) and not any(self._hidden(q, card) for card in cards)
 
-    def _hidden(self, q: NDArray, card: Attached) -> bool:
-        """Return whether the body itself hides a corner of a card from a camera."""
+    @property
+    def pictured(self) -> bool:
+        """Whether pictures are taken, in which the body itself hides what is behind it."""
+        return self.limits is not None and not self.limits.touching
+
+    def cards(self, markers: Sequence[str]) -> list[Attached]:
+        """Return those of some markers of the body that are cards."""
+        return [m for m in self.body.tree.markers if m.name in markers and m.oriented]
+
+    def lines(self, q: NDArray, card: Attached) -> tuple[NDArray, list[NDArray]]:
+        """Return between what lines of sight to a card run at a pose.
+
+        Args:
+            q: Angles of the commanded joints [rad]. Shape (k,).
+            card: On the body.
+
+        Returns:
+            Its corners and middles, shape (9, 3), and the cameras, shape (3,) each, in W [m].
+        """
         motion = TreeMotion.at(self.tree, self.posture(q[None]))
         R, p = (part[..., 0] for part in motion.pose_of(card))
         corners = p + _CORNERS @ R.T + _LIFT * R[:, 2]
-        cameras = (motion.pose_of(sensor)[1][:, 0] for sensor in self.tree.sensors)
-        return any(self.shapes.hides(q, card.name, corners, p_BC, _ROOM) for p_BC in cameras)
+        return corners, [motion.pose_of(sensor)[1][:, 0] for sensor in self.tree.sensors]
+
+    def _hidden(self, q: NDArray, card: Attached) -> bool:
+        """Return whether the body itself hides a corner of a card from a camera."""
+        corners, cameras = self.lines(q, card)
+        return any(self.shapes.hides(q, card.name, corners, p_BC, ROOM) for p_BC in cameras)
 
     def posture(self, q: NDArray) -> NDArray:
         """Return angles of all joints, those that nobody commands held. (N, k) -> (N, n)."""

@@ -21,8 +21,8 @@ _CLEARANCE = 0.05
 """How far the arm keeps from the glass [m]."""
 _EDGE = 0.03
 """How far lines of sight keep from the edges of the glass [m]."""
-_LEAST_SIDE = {"fiducial": 12.5}
-"""Least width at which a marker can be read in a mirror, seen at its angle [px]."""
+LEAST_SIDE = 12.5
+"""Least width at which a fiducial can be read in a mirror, seen at its angle [px]."""
 _SIDE = {"fiducial": 0.0288}
 """Side of the black square [m]."""
 _POOL = 20000
@@ -121,7 +121,7 @@ def _shown(workspace: VisibleWorkspace, rig: MirrorRig, q: NDArray) -> NDArray:
             shown &= ((pixels > _MARGIN) & (pixels < limit)).all(axis=1)
         shown &= rig.plane.distance_to(p_BH) > _CLEARANCE
         if marker in _SIDE:
-            shown &= _width_in_mirror(workspace, rig, q, k) * _SIDE[marker] > _LEAST_SIDE[marker]
+            shown &= _width_in_mirror(workspace, rig, q, k) * _SIDE[marker] > LEAST_SIDE
     return shown
 
 

@@ -13,6 +13,7 @@ from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.readings import readings_from_table
+from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.planning.first_guess import first_guess
 from nico_selfmodel.planning.plans import HOME, Plan, given_commands
 from nico_selfmodel.planning.sweep_protocol import SweepProtocol
@@ -186,6 +187,7 @@ class RealBodyRecording(Recording):
         hands: int,
         rng: np.random.Generator,
         given: NDArray | None = None,
+        learned: BodyModel | None = None,
     ) -> "RealBodyRecording":
         """Plan poses in which the robot as described touches nothing and sees what is wanted.
 
@@ -196,6 +198,7 @@ class RealBodyRecording(Recording):
             hands: Poses of each hand.
             rng: Source of the poses.
             given: Poses to visit instead [counts]. Shape (N, k).
+            learned: What was learned of its head; as described if omitted.
 
         Raises:
             DataError: If the servos do not drive all joints.
@@ -204,7 +207,8 @@ class RealBodyRecording(Recording):
         """
         joints = _joints_of(whole.body, servos)
         if given is None:
-            given = whole.commands(joints, whole.plan(looks, hands, rng))
+            known = whole.known(learned, joints)
+            given = whole.commands(joints, whole.plan(looks, hands, rng, known))
         plan = given_commands(joints, given)
         _refuse_touching([whole.view.shapes.collides(q) for q in whole.angles(joints, given)])
         return cls("stereo-fiducial", joints, plan, whole)

@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.planning.plans import Plan, given_commands
 from nico_selfmodel.recording.session import Progress, record
 from nico_selfmodel.sessions.whole_recording import WholeRecording
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
+from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.simulated.imperfections import Imperfections, imperfections_named
 from nico_selfmodel.systems.stations.nico_station import NicoStation
@@ -43,22 +45,27 @@ class RenderedBody:
         flaws = imperfections_named(flaws) if isinstance(flaws, str) else flaws
         return WholeNico.build(self.whole.body, flaws, self.seed, NICO_CAMERAS)
 
-    def station(self, session: int, rig: StereoRig | None = None) -> NicoStation:
+    def station(
+        self, session: int, rig: StereoRig | None = None, mirror: MirrorPlate | None = None
+    ) -> NicoStation:
         """Wake it up in its room.
 
         Args:
             session: Which day.
             rig: Calibrated cameras, behind whose lenses markers are located; as designed if
                 omitted.
+            mirror: A mirror that can be put somewhere, if any; reflections are then located too.
         """
+        whole = self.whole
         return NicoStation(
             self.world,
             self.seed,
             session,
-            arm=self.whole.body,
-            detectors=self.whole.detectors(rig),
+            arm=whole.body,
+            detectors=whole.detectors(rig) if mirror is None else whole.mirror_detectors(rig),
             quality=self.quality,
-            room=self.whole.cards,
+            mirror=mirror,
+            room=whole.cards,
         )
 
     def record(
@@ -69,6 +76,7 @@ class RenderedBody:
         hands: int,
         *,
         lenses: Mapping[str, Camera] | None = None,
+        learned: BodyModel | None = None,
         poses: NDArray | None = None,
         progress: Progress | None = None,
     ) -> BodyDataset:
@@ -81,6 +89,8 @@ class RenderedBody:
             hands: Poses of each hand.
             lenses: Calibrated cameras by name, behind whose lenses markers are located; as
                 designed, and not told, if omitted.
+            learned: What was learned of its head, by which poses are planned; as described if
+                omitted.
             poses: Visited instead [encoder units]. Shape (N, k).
             progress: Called after each pose.
 
@@ -93,11 +103,12 @@ class RenderedBody:
             ValueError: If a given pose lies beyond a joint's stop.
         """
         whole, rng = self.whole, np.random.default_rng((self.seed, session, 26))
-        angles = whole.plan(*((looks, hands) if poses is None else (0, 0)), rng)
         with self.station(session, None if lenses is None else StereoRig(*lenses.values())) as nico:
             body = StationBody(nico, nico.joints, whole.tracked)
-            planned = whole.commands(nico.joints, angles)
-            plan: Plan = given_commands(nico.joints, planned if poses is None else poses)
+            if poses is None:
+                known = whole.known(learned, nico.joints)
+                poses = whole.commands(nico.joints, whole.plan(looks, hands, rng, known))
+            plan: Plan = given_commands(nico.joints, poses)
             data = record(
                 body,
                 plan,

@@ -21,7 +21,7 @@ from nico_selfmodel.viz.live.station_view import StationView
 _DAY = 99
 _CHOICE = 12
 """Poses in view of which the one nearest to the images' middles is shown first."""
-_ELSEWHERE_M, _ELSEWHERE = 0.04, np.radians(10.0)
+ELSEWHERE_M, ELSEWHERE = 0.04, np.radians(10.0)
 """A learned mirror farther from where it is put stood elsewhere; heads are degrees off."""
 _TURNED = np.radians(1.0)
 """A joint held farther from where it was while learning is another pose."""
@@ -157,7 +157,7 @@ def _check_mirror(model: SelfModel, name: str, place: Mirror | None) -> None:
     if place is not None:
         return
     apart = abs(learned.distance - DEFAULT_MIRROR.distance)
-    if apart > _ELSEWHERE_M or learned.angle_to(DEFAULT_MIRROR) > _ELSEWHERE:
+    if apart > ELSEWHERE_M or learned.angle_to(DEFAULT_MIRROR) > ELSEWHERE:
         tilt_x, tilt_y = np.degrees(learned.values[:2])
         raise ModelError(
             f"mirror {name!r} was learned {1e3 * learned.distance:.0f} mm before the left camera, "

@@ -14,8 +14,11 @@ from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import WORLD, Attached
 from nico_selfmodel.planning.body_poses import BodyView
+from nico_selfmodel.planning.head_following import HeadFollowing
+from nico_selfmodel.planning.known_head import with_known_head
 from nico_selfmodel.planning.plans import angles_of_commands, commands_of_angles
 from nico_selfmodel.planning.visible_workspace import RENDERED
 from nico_selfmodel.plant.body_description import BodyDescription
@@ -28,8 +31,8 @@ from nico_selfmodel.sessions.whole_body import (
 )
 from nico_selfmodel.systems.looking import ARM_JOINTS, HEAD_JOINTS, looking_body
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
-from nico_selfmodel.systems.stations.nico_detectors import room_detectors
-from nico_selfmodel.systems.tracking.hand_tracker import Detectors
+from nico_selfmodel.systems.stations.nico_detectors import room_detectors, room_mirror_detectors
+from nico_selfmodel.systems.tracking.hand_tracker import Detectors, MirrorDetectors
 from nico_selfmodel.systems.tracking.shared_search import corner_names
 from nico_selfmodel.vision.markers.tag_card import TagCard, markers_of
 
@@ -57,13 +60,17 @@ class WholeRecording:
     @cached_property
     def view(self) -> BodyView:
         """What its cameras would see, if it were as described."""
+        return self.view_of(self.body)
+
+    def view_of(self, body: BodyDescription) -> BodyView:
+        """Return what its cameras would see, if it were so."""
         names = iter(self.room)
         hung = [
             Attached(next(names), WORLD, transform(card.X_WK[:3, :3], p))
             for card in self.cards
             for p in card.p_WT
         ]
-        return BodyView(self.body, hung, RENDERED)
+        return BodyView(body, hung, RENDERED)
 
     @property
     def hands(self) -> dict[str, str]:
@@ -86,13 +93,25 @@ class WholeRecording:
         found = room_detectors(self.cards, rig or NICO_CAMERAS)
         return {marker: found[marker] for marker in self.tracked}
 
-    def plan(self, looks: int, hands: int, rng: np.random.Generator) -> NDArray:
-        """Draw poses in which the robot as described would see what is wanted.
+    def mirror_detectors(self, rig: StereoRig | None = None) -> MirrorDetectors:
+        """Return what finds all that in pictures, and its reflections.
+
+        Args:
+            rig: As in `detectors`.
+        """
+        found = room_mirror_detectors(self.cards, rig or NICO_CAMERAS)
+        return {marker: found[marker] for marker in self.tracked}
+
+    def plan(
+        self, looks: int, hands: int, rng: np.random.Generator, body: BodyDescription | None = None
+    ) -> NDArray:
+        """Draw poses in which the robot, as far as it knows itself, would see what is wanted.
 
         Args:
             looks: Poses in which both cameras see some of the room.
-            hands: Poses of each hand before both cameras, some of the room beside it.
+            hands: Poses of each hand, which the head follows, some of the room beside it.
             rng: Source of the draws.
+            body: What is known of it, see `known`; as described if omitted.
 
         Returns:
             Angles of the commanded joints [rad]. Shape (N, k).
@@ -100,11 +119,25 @@ class WholeRecording:
         Raises:
             ModelError: If hardly any pose shows it: the head sees nothing of a hand.
         """
+        view = self.view if body is None else self.view_of(body)
         room = list(self.room)
-        poses = [self.view.poses(room, IN_ROOM, looks, rng)] if looks else []
-        wanted = self.hands.values() if hands else ()
-        poses += [self.view.poses([h], 1, hands, rng, also=(room, IN_ROOM)) for h in wanted]
+        poses = [view.poses(room, IN_ROOM, looks, rng)] if looks else []
+        for hand in self.hands.values() if hands else ():
+            head = HeadFollowing(view, hand, (room, IN_ROOM), rng)
+            poses.append(view.poses([hand], 1, hands, rng, also=head.beside, turned=head.turned))
         return np.vstack(poses) if poses else np.zeros((0, len(self.body.joints)))
+
+    def known(self, learned: BodyModel | None, joints: Sequence[JointInfo]) -> BodyDescription:
+        """Return what is known of the body: its description, with its head as it was learned.
+
+        Args:
+            learned: A body of its head, or of more; None where nothing was learned.
+            joints: The robot's, with stops.
+
+        Raises:
+            ModelError: If a camera, or a joint that turns one, was not learned.
+        """
+        return self.body if learned is None else with_known_head(self.body, learned, joints)
 
     def commands(self, joints: Sequence[JointInfo], angles: NDArray) -> NDArray:
         """Return commands that bring joints to angles [encoder units].

@@ -1,4 +1,7 @@
-"""A whole Nico learns itself: lenses and head from a room, arms where the head looks, then all."""
+"""A whole Nico learns itself: lenses and head from a room, arms where the head looks, then all.
+
+The head that was learned from the room follows each hand.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,17 +10,21 @@ import numpy as np
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.joining import joined
+from nico_selfmodel.dataset.body.some_joints import of_joints
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration, calibrate_tree
+from nico_selfmodel.estimation.tree.tree_result import body_model
 from nico_selfmodel.estimation.tree.tree_setup import Wishes
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.sessions.body_truth import mechanics_left
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.sessions.rendered_body import QUICK, RenderedBody
 from nico_selfmodel.sessions.room_lenses import lenses_from_cards
 from nico_selfmodel.sessions.whole_recording import WholeRecording, with_lenses
+from nico_selfmodel.systems.looking import HEAD_JOINTS
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 from nico_selfmodel.systems.tracking.shared_search import corner_names
@@ -98,9 +105,16 @@ def learn_whole(
     lenses = {name: found.cameras[0] for name, found in alone.items()}
     train = with_lenses(looks, lenses)
     hands = counts.hands if arms else 0
+    head = _learned_head(train) if hands else None
     if hands:
         seen = robot.record(
-            "hands", 1, 0, hands, lenses=lenses, progress=telling(stage, "looking at its hands")
+            "hands",
+            1,
+            0,
+            hands,
+            lenses=lenses,
+            learned=head,
+            progress=telling(stage, "looking at its hands"),
         )
         _require_hands(seen, whole)
         train = joined(train, seen, f"whole_nico_{seed}")
@@ -110,6 +124,7 @@ def learn_whole(
         counts.test_looks,
         counts.test_hands if hands else 0,
         lenses=lenses,
+        learned=head,
         progress=telling(stage, "more poses, kept for judging"),
     )
     telling(stage, "learning head and arms together")(0, 1)
@@ -117,6 +132,11 @@ def learn_whole(
     telling(stage, "learning head and arms together")(1, 1)
     left = mechanics_left(robot.ground_truth, test)
     return WholeScenario(alone, looks, train, test, found, left)
+
+
+def _learned_head(looks: BodyDataset) -> BodyModel:
+    """Learn the head from a room alone, so that it can follow a hand: as if nothing bent."""
+    return body_model(calibrate_tree(of_joints(looks, HEAD_JOINTS), effects=()))
 
 
 def _require_hands(seen: BodyDataset, whole: WholeRecording) -> None:

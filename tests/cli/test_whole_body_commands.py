@@ -1,5 +1,6 @@
 """A whole Nico by the command line: recorded, and refused in one line where something is wrong."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -87,6 +88,16 @@ def test_a_mirror_before_a_moving_head_is_learned_and_kept(before_mirrors, comma
     assert "mirrors/glass" in (out / "scene.json").read_text("utf-8")
     assert "mirror.glass.distance" in (out / "report.html").read_text("utf-8")
     assert command("evaluate", out, before_mirrors / "seen").returncode == 0
+    assert "flat" in done.stdout
+    table = data.observations
+    (row, *_) = np.flatnonzero(table.mirror == "glass")
+    marker, camera = (items[k].name for items, k in (
+        (data.markers, table.marker[row]), (data.sensors, table.sensor[row])))  # fmt: skip
+    encoders = ",".join(str(value) for value in data.readings[table.pose[row]])
+    words = ("predict", out, "--encoders", encoders, "--marker", marker, "--json")
+    (told,) = json.loads(command(*words).stdout)["markers"]
+    found = [told[f"{camera}_in_glass_{axis}"] for axis in "uv"]
+    assert found == pytest.approx(table.values[row, :2].tolist(), abs=3.0)
     unknown = command("evaluate", model, before_mirrors / "seen")
     assert_one_clear_line(unknown, "the body knows no mirror: learn it with")
 

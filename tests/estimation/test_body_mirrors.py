@@ -9,7 +9,7 @@ from nico_selfmodel.dataset.body.joining import joined
 from nico_selfmodel.errors import DataError, ModelError, NotIdentifiableError
 from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
-from nico_selfmodel.estimation.tree.body_mirrors import calibrate_body_mirrors
+from nico_selfmodel.estimation.tree.mirrors.body_mirrors import calibrate_body_mirrors
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_result import body_model
@@ -22,6 +22,7 @@ from nico_selfmodel.model.tree.standing_mirror import StandingMirror
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR
 from nico_selfmodel.sessions.mirrors.whole_nico_before_mirrors import session_before_mirrors
 from nico_selfmodel.sessions.whole_body import whole_body_session
+from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
 from .bodies_before_mirrors import deviation, knowing_body
@@ -48,6 +49,48 @@ def test_a_head_that_moves_sees_one_plane_in_the_world(looked):
         assert np.linalg.norm(np.cross(learned.normal, plane.normal)) < 1e-5
         assert learned.offset == pytest.approx(plane.offset, abs=1e-5)
     assert not found.found.solution.outliers.any()
+
+
+@pytest.mark.parametrize("radius", [3.0, -3.0])
+def test_glass_that_is_bent_is_called_so_before_a_head_that_moves(looked, radius):
+    seen, body = looked
+    glass = {"near": DEFAULT_MIRROR}
+    plate = MirrorPlate(radius=radius)
+    bent = session_before_mirrors(CLEAN, 0, 0, glass, poses=6, pixel_sigma=1e-3, plate=plate)
+    near = seen.data.of_rows(np.isin(seen.data.observations.mirror, ["", "near"]))
+    flat = calibrate_body_mirrors(near, body).found
+    assert flat.flatness["near"].flat
+    assert to_json(flat, judge(flat))["mirrors"]["near"]["flatness"]["flat"]
+    found = calibrate_body_mirrors(bent.data, body).found
+    assert found.flatness["near"].by_chance < 1e-9
+    verdict = judge(found)
+    assert verdict.status == "FAIL"
+    assert any("mirror 'near' is not flat" in reason for reason in verdict.reasons)
+
+
+def test_one_pose_does_not_tell_whether_a_glass_is_flat(looked):
+    seen, body = looked
+    pose = seen.data.observations.pose
+    one = seen.data.select(np.arange(len(seen.data.sample)) == pose.min())
+    found = calibrate_body_mirrors(one, body).found
+    assert set(found.flatness.values()) == {None}
+    assert any("too few poses to test whether" in words for words in judge(found).warnings)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("radius", [None, 5.0, -5.0])
+def test_flat_glass_is_called_flat_and_five_metres_bent_by_bodies_that_sag(radius):
+    chances = []
+    for seed in range(8):
+        plate = MirrorPlate(radius=radius)
+        glass = {"glass": DEFAULT_MIRROR}
+        seen = session_before_mirrors(THESIS, seed, 1, glass, poses=20, plate=plate)
+        known = knowing_body(THESIS, seed, seen.data)
+        chances.append(calibrate_body_mirrors(seen.data, known).found.flatness["glass"].by_chance)
+    if radius is None:
+        assert min(chances) > 1e-3
+    else:
+        assert max(chances) < 1e-3
 
 
 @pytest.mark.slow

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation.mirrors.mirror_flatness import exceeded_by_chance, flatness_of
+from nico_selfmodel.estimation.diagnosis.flatness import exceeded_by_chance
+from nico_selfmodel.estimation.mirrors.mirror_flatness import flatness_of
 from nico_selfmodel.estimation.mirrors.mirror_solution import solve_mirrors
 from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Reflections
 from nico_selfmodel.model.cameras.mirror import Mirror

@@ -118,23 +118,23 @@ def test_a_glass_stands_in_the_learned_plane_and_carries_picture_reflection_and_
     model, glass = before_glass()
     view = StationView(ARM, model, glass=glass)
     mirror = view._mirror
-    assert mirror.rig.plane.distance_to(mirror.corners) == pytest.approx(np.zeros(4), abs=1e-12)
+    assert mirror.plane.distance_to(mirror.corners) == pytest.approx(np.zeros(4), abs=1e-12)
     sides = np.linalg.norm(np.diff(mirror.corners, axis=0), axis=1)
     assert sides == pytest.approx([0.4, 0.3, 0.4], abs=1e-9)
     readings = np.radians([-100.0, 5.0, -50.0, -60.0])
     p = view.model.chain.forward(readings)
-    reflected = mirror.rig.project(p)
+    reflected = mirror.project(view.model.rig, p)
     assert np.isfinite(reflected).all()
     view.show(readings, IMAGES, None, reflected)
     names = ("picture", "left_ray", "right_ray", "left_behind", "glass")
     for path in (*(f"mirror/{name}" for name in names), "reflection/tracked"):
         assert view.meshcat.HasPath(f"{ROOT}/{path}"), path
     # Light from the hand meets the glass under the angle at which it leaves to the camera.
-    hand, on, camera = mirror.rays(p)["left_ray"].points
-    normal = mirror.rig.plane.normal
+    hand, on, camera = mirror.rays(view.model.rig, p)["mirror/left_ray"].points
+    normal = mirror.plane.normal
     come, go = (hand - on) / np.linalg.norm(hand - on), (camera - on) / np.linalg.norm(camera - on)
     assert come @ normal == pytest.approx(go @ normal, abs=1e-9)
-    assert abs(float(mirror.rig.plane.distance_to(on))) < 1e-9
+    assert abs(float(mirror.plane.distance_to(on))) < 1e-9
 
 
 @pytest.mark.slow

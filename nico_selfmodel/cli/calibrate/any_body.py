@@ -98,7 +98,7 @@ def calibrate_mirrors(
 ) -> NoReturn:
     """Learn mirrors in which a known body saw itself, and leave a result folder."""
     from nico_selfmodel.estimation.judging import judge, to_json
-    from nico_selfmodel.estimation.tree.body_mirrors import calibrate_body_mirrors
+    from nico_selfmodel.estimation.tree.mirrors.body_mirrors import calibrate_body_mirrors
     from nico_selfmodel.model.tree.body_model import load_body
 
     body = load_body(model)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from nico_selfmodel.cli.record.request import Request
     from nico_selfmodel.dataset.body.body_dataset import BodyDataset
     from nico_selfmodel.model.cameras.camera import Camera
+    from nico_selfmodel.model.tree.body_model import BodyModel
     from nico_selfmodel.sessions.whole_recording import WholeRecording
     from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
@@ -31,6 +32,8 @@ class WholeRequest:
     """What moves, and what hangs about it."""
     lenses: "Mapping[str, Camera]"
     """Each camera's, by name."""
+    learned: "BodyModel | None" = None
+    """What was learned of its head, where that is known."""
 
     @classmethod
     def of(
@@ -64,8 +67,8 @@ class WholeRequest:
                 "--room is missing: a YAML file (nico-cards/1) of where the cards hang about the "
                 "robot, as examples/nico_room.yaml"
             )
-        moving, lenses = _known_parts(request, arms, known=known)
-        return cls(request, _whole(moving, room), lenses)
+        moving, lenses, learned = _known_parts(request, arms, known=known)
+        return cls(request, _whole(moving, room), lenses, learned)
 
     @property
     def counts(self) -> tuple[int, int]:
@@ -88,8 +91,8 @@ class WholeRequest:
 
 def _known_parts(
     request: "Request", arms: str | None, *, known: bool
-) -> "tuple[tuple[str, ...], Mapping[str, Camera]]":
-    """Return the arms that move, and the cameras' lenses by name."""
+) -> "tuple[tuple[str, ...], Mapping[str, Camera], BodyModel | None]":
+    """Return the arms that move, the cameras' lenses by name, and what was learned of the head."""
     from nico_selfmodel.model.tree.body_model import load_body
     from nico_selfmodel.systems.looking import arms_among
     from nico_selfmodel.systems.nico_cameras import MOUNTS
@@ -99,7 +102,7 @@ def _known_parts(
         if arms is not None:
             raise ValueError("--arms: the body of --cameras says which joints move; leave it out")
         body = load_body(request.cameras)
-        return arms_among(body.tree.joints), dict(body.tree.lenses)
+        return arms_among(body.tree.joints), dict(body.tree.lenses), body
     chosen = inputs.arms_named(arms)
     rig = inputs.cameras_of(request.cameras, "recording")
     if rig is None:
@@ -107,7 +110,7 @@ def _known_parts(
             "--head needs --cameras, whose lenses tell where markers are: what `calibrate stereo` "
             "or `learn --head` left"
         )
-    return chosen, dict(zip(MOUNTS, rig.cameras, strict=True))
+    return chosen, dict(zip(MOUNTS, rig.cameras, strict=True)), None
 
 
 def _whole(arms: tuple[str, ...], room: Path | None) -> "WholeRecording":
@@ -137,6 +140,7 @@ def record_body(asked: WholeRequest, world: "Imperfections") -> None:
             request.session,
             *asked.counts,
             lenses=asked.lenses,
+            learned=asked.learned,
             poses=asked.poses,
             progress=lambda done, total: progress("moving and looking", done, total),
         )
@@ -168,7 +172,7 @@ def record_real_body(asked: WholeRequest, hardware: "Hardware") -> None:
     config = configuration(hardware)
     rng = np.random.default_rng((request.seed, request.session, 2))
     planned = RealBodyRecording.planned(
-        asked.whole, config.joint_infos, *asked.counts, rng, asked.poses
+        asked.whole, config.joint_infos, *asked.counts, rng, asked.poses, asked.learned
     )
     samples = request.out.with_name(f"{request.out.name}.samples")
     rig = StereoRig(*asked.lenses.values())

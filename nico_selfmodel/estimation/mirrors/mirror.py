@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.held_out import held_out_of
 from nico_selfmodel.errors import DataError, NotIdentifiableError
+from nico_selfmodel.estimation.diagnosis.flatness import Flatness
 from nico_selfmodel.estimation.mirrors.mirror_cameras import fit_mirror_cameras
 from nico_selfmodel.estimation.mirrors.mirror_checks import (
     misplaced_rows,
@@ -20,7 +21,7 @@ from nico_selfmodel.estimation.mirrors.mirror_evaluation import (
     MirrorEvaluation,
     cross_validate_mirrors,
 )
-from nico_selfmodel.estimation.mirrors.mirror_flatness import Flatness, flatness_of
+from nico_selfmodel.estimation.mirrors.mirror_flatness import flatness_of
 from nico_selfmodel.estimation.mirrors.mirror_solution import (
     MirrorSolution,
     solve_mirrors,

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.diagnosis.flatness import bent_reasons
 from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration
 from nico_selfmodel.estimation.results.calibration_result import (
     FAILURE,
@@ -31,7 +32,7 @@ def mirror_findings(calibration: MirrorCalibration) -> tuple[Finding, ...]:
         calibration: What was learned.
     """
     failures = [
-        *_flatness_reasons(calibration),
+        *bent_reasons(calibration.flatness),
         *_behind_reasons(calibration),
         *_grazing_reasons(calibration),
         _misfit_reason(calibration),
@@ -119,16 +120,6 @@ def grazing_angles(calibration: MirrorCalibration) -> NDArray:
         sight = mirror.reflect(reflections.p_LQ[rows])
         angles[rows] = np.arcsin(np.abs(sight @ mirror.normal) / np.linalg.norm(sight, axis=1))
     return angles
-
-
-def _flatness_reasons(calibration: MirrorCalibration) -> list[str]:
-    return [
-        f"mirror {name!r} is not flat, or the body is not what the self-model says: two free "
-        f"cameras fit better than one plane, chi-square {test.chi_square:.0f} for {test.freedom} "
-        f"parameters more ({test.by_chance:.1g} by chance)"
-        for name, test in calibration.flatness.items()
-        if test is not None and not test.flat
-    ]
 
 
 def _behind_reasons(calibration: MirrorCalibration) -> list[str]:

@@ -1,15 +1,11 @@
-"""Is the mirror flat? One plane for both cameras against two reflected cameras that are free.
+"""Whether a mirror before cameras that stand still is flat; see `estimation.diagnosis.flatness`."""
 
-In a flat mirror each camera becomes a reflected camera, and both follow from three numbers. Two
-such cameras with six parameters each can follow what a bent mirror does to the cameras; whether
-they fit better than chance is the test (docs/mirrors.md).
-"""
-
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.diagnosis.flatness import STEADYING, Flatness, flatness_by
 from nico_selfmodel.estimation.mirrors.reflection_residuals import (
     independent_covariance,
     project_reflections,
@@ -19,31 +15,8 @@ from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Refle
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.model.cameras.mirror import Mirror, mirror_camera
 
-_FEWEST_REDUNDANT = 8
-"""Pixel coordinates more than camera parameters that the test needs."""
-_BY_CHANCE = 1e-3
-"""A flat mirror fails the test this often."""
 _ALIKE = 1.0
 """Joints of poses this far apart err nearly independently, of nearer ones alike [rad]."""
-
-
-@dataclass(frozen=True)
-class Flatness:
-    """How a plane fares against free cameras."""
-
-    chi_square: float
-    """By how much the free cameras lower the whitened sum of squares, in units of the noise."""
-    freedom: int
-    """How many parameters more they have."""
-    redundancy: int
-    """How many pixel coordinates there are more than parameters of the free cameras."""
-    by_chance: float
-    """Probability of as much in a flat mirror (F distribution; Paulson 1942)."""
-
-    @property
-    def flat(self) -> bool:
-        """Whether the mirror may be flat."""
-        return self.by_chance >= _BY_CHANCE
 
 
 def flatness_of(
@@ -67,7 +40,7 @@ def flatness_of(
     x, seen = mirror.values, reflections.seen.ravel()
     seeing = [c for c in range(len(reflections.cameras)) if reflections.seen[:, 2 * c].any()]
     redundancy = int(seen.sum()) - 6 * len(seeing)
-    if redundancy < _FEWEST_REDUNDANT:
+    if redundancy < STEADYING:
         return None
     shown = project_reflections(reflections, x)
     by_cameras = _by_cameras(reflections, mirror)[
@@ -81,42 +54,16 @@ def flatness_of(
     white = np.linalg.cholesky(whole[np.ix_(seen, seen)])
     miss = miss.ravel()[seen]
 
-    def left_over(jacobian: NDArray) -> float:
-        """Return what a linear model leaves of the whitened residuals."""
-        rows = np.linalg.solve(white, jacobian.reshape(len(seen), -1)[seen])
-        r = np.linalg.solve(white, miss)
-        # Columns in natural size, so that rank is no question of units.
-        rows = rows / np.linalg.norm(rows, axis=0)
-        return float(np.sum((r - rows @ np.linalg.lstsq(rows, r, rcond=1e-9)[0]) ** 2))
+    def whitened(jacobian: NDArray) -> NDArray:
+        return np.asarray(np.linalg.solve(white, jacobian.reshape(len(seen), -1)[seen]))
 
-    plane, cameras = left_over(shown.by_mirror), left_over(by_cameras)
-    freedom = 6 * len(seeing) - 3
-    # Noise that is known at least roughly steadies the scale where poses are few.
-    scale = (cameras + _FEWEST_REDUNDANT) / (redundancy + _FEWEST_REDUNDANT)
-    gain = max(plane - cameras, 0.0) / scale
-    chance = exceeded_by_chance(gain / freedom, freedom, redundancy + _FEWEST_REDUNDANT)
-    return Flatness(gain, freedom, redundancy, chance)
-
-
-def exceeded_by_chance(ratio: float, first: int, second: int) -> float:
-    """Return the probability that an F variable exceeds a ratio (Paulson 1942).
-
-    Args:
-        ratio: Ratio of two mean squares.
-        first: Degrees of freedom of the numerator.
-        second: Of the denominator, three or more.
-
-    Returns:
-        The upper tail, right to a few per cent down to 1e-4.
-    """
-    from math import erfc, sqrt
-
-    if ratio <= 0.0:
-        return 1.0
-    a, b = 2.0 / (9.0 * first), 2.0 / (9.0 * second)
-    root = ratio ** (1.0 / 3.0)
-    score = ((1.0 - b) * root - (1.0 - a)) / sqrt(b * root * root + a)
-    return 0.5 * erfc(score / sqrt(2.0))
+    return flatness_by(
+        np.linalg.solve(white, miss),
+        whitened(shown.by_mirror),
+        whitened(by_cameras),
+        6 * len(seeing) - 3,
+        redundancy,
+    )
 
 
 def _by_cameras(reflections: Reflections, mirror: Mirror) -> NDArray:
@@ -188,5 +135,5 @@ def _pixel_sigma(
     basis = basis[:, size > 1e-3 * size[0]]
     left_over = r - basis @ (basis.T @ r)
     rows = len(r) - basis.shape[1]
-    squares = _FEWEST_REDUNDANT * stated**2 + float(left_over @ left_over)
-    return float(np.sqrt(squares / (_FEWEST_REDUNDANT + rows)))
+    squares = STEADYING * stated**2 + float(left_over @ left_over)
+    return float(np.sqrt(squares / (STEADYING + rows)))

@@ -118,17 +118,9 @@ def _mirror(calibration: MirrorCalibration, name: str) -> dict[str, Any]:
             "angle_deg": float(np.degrees(mirror.angle_to(calibration.starts[name]))),
             "distance_mm": 1e3 * calibration.starts[name].distance,
         },
-        "flatness": None,
+        "flatness": None if test is None else test.to_json(),
         "free_cameras": None,
     }
-    if test is not None:
-        found["flatness"] = {
-            "flat": bool(test.flat),
-            "chi_square": test.chi_square,
-            "freedom": test.freedom,
-            "redundancy": test.redundancy,
-            "by_chance": test.by_chance,
-        }
     cameras = calibration.free_cameras[name]
     if cameras is not None:
         found["free_cameras"] = Errors(pixels=cameras.distances_px, unit="px").to_json()

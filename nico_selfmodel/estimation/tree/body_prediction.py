@@ -11,6 +11,8 @@ from nico_selfmodel.dataset.body.sensors import POINTS, MarkerInfo, SensorInfo
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
+from nico_selfmodel.geometry.plane import Plane
+from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, Attached
@@ -32,6 +34,9 @@ class BodyPrediction:
     by joint noise [m]. Shape (N, markers)."""
     pixels: dict[str, NDArray]
     """By camera; nan out of its view [px]. Shape (N, markers, 2) each."""
+    reflected: dict[tuple[str, str], NDArray]
+    """By camera and mirror, where the glass is as large as it likes; nan out of view, and behind
+    the glass [px]. Shape (N, markers, 2) each."""
 
 
 def predict_body(
@@ -66,14 +71,36 @@ def predict_body(
     motion = TreeMotion.at(tree, data.si_readings, approach=data.si_approach)
     R_WM = np.stack([motion.pose_of(m)[0].transpose(2, 0, 1) for m in tree.markers], axis=1)
     sigma = np.sqrt(_variance(model, parameters, linear.J, linear.by_joint, residuals) / 3.0)
-    cameras = {}
-    for name, lens in tree.lenses.items():
-        (sensor,) = [s for s in tree.sensors if s.name == name]
-        R, p = motion.pose_of(sensor)
-        X_CW = inverse(transform(R.transpose(2, 0, 1), p.T))
-        seen = apply(X_CW[:, None], p_WM).reshape(-1, 3)
-        cameras[name] = lens.at(np.eye(4)).project(seen).reshape(count, markers, 2)
-    return BodyPrediction(p_WM, R_WM, sigma.reshape(count, markers), cameras)
+    cameras = {name: _seen(motion, name, p_WM) for name in tree.lenses}
+    reflected = {
+        (name, mirror.name): _reflected(motion, name, mirror.plane, p_WM)
+        for mirror in tree.mirrors
+        for name in tree.lenses
+    }
+    return BodyPrediction(p_WM, R_WM, sigma.reshape(count, markers), cameras, reflected)
+
+
+def _seen(motion: TreeMotion, camera: str, p_WQ: NDArray) -> NDArray:
+    """Return where a camera sees points of each pose [px]. (N, m, 3) -> (N, m, 2)."""
+    X_CW = inverse(_poses(motion, camera))
+    seen = apply(X_CW[:, None], p_WQ).reshape(-1, 3)
+    lens = motion.tree.lenses[camera].at(np.eye(4))
+    return lens.project(seen).reshape(*p_WQ.shape[:2], 2)
+
+
+def _reflected(motion: TreeMotion, camera: str, plane: Plane, p_WQ: NDArray) -> NDArray:
+    """Return where a camera sees points of each pose in a glass [px]. (N, m, 3) -> (N, m, 2)."""
+    p_WC = _poses(motion, camera)[:, :3, 3]
+    before = (plane.distance_to(p_WQ) > 0.0) & (plane.distance_to(p_WC) > 0.0)[:, None]
+    pixels = _seen(motion, camera, reflect(plane, p_WQ))
+    return np.where(before[..., None], pixels, np.nan)
+
+
+def _poses(motion: TreeMotion, camera: str) -> NDArray:
+    """Return the poses of a camera in W. Shape (N, 4, 4)."""
+    (sensor,) = [s for s in motion.tree.sensors if s.name == camera]
+    R, p = motion.pose_of(sensor)
+    return transform(R.transpose(2, 0, 1), p.T)
 
 
 def _variance(

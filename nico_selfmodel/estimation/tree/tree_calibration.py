@@ -13,12 +13,13 @@ from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.bending.ladder import Ladder, climb
 from nico_selfmodel.estimation.bending.steps import STEPS
 from nico_selfmodel.estimation.bending.what_bends import At
+from nico_selfmodel.estimation.diagnosis.flatness import Flatness
 from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend
 from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boards
 from nico_selfmodel.estimation.tree.boards.surroundings import Surroundings
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.guesses.first_guess import first_bodies
-from nico_selfmodel.estimation.tree.mirrored_tree import (
+from nico_selfmodel.estimation.tree.mirrors.mirrored_tree import (
     anywhere,
     apart_from,
     names_of_mirrors,
@@ -85,6 +86,8 @@ class TreeCalibration:
     """The robot as described, where it was."""
     ladder: Ladder = field(default=Ladder((), None))
     """What was asked to bend, and what came of it; its solutions are `TreeBend`."""
+    flatness: Mapping[str, Flatness | None] = field(default_factory=dict)
+    """Whether mirrors are flat, by name, where that was tested; None where there was too little."""
 
     @cached_property
     def values(self) -> NDArray:

@@ -6,6 +6,7 @@ import numpy as np
 
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
+from nico_selfmodel.estimation.diagnosis.flatness import bent_reasons
 from nico_selfmodel.estimation.results.calibration_result import (
     FAILURE,
     MISFIT,
@@ -39,10 +40,12 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     test, ladder = calibration.test, calibration.ladder
     said = [] if test is None else [_held_out_words(test)]
     said += kept_words(ladder, calibration.tree.bending, calibration.at)
-    doubts = [*_slip_words(calibration), *_outlier_words(calibration)]
+    doubts = [f"too few poses to test whether mirror {name!r} is flat: record ten"
+              for name, test in calibration.flatness.items() if test is None]  # fmt: skip
+    doubts += [*_slip_words(calibration), *_outlier_words(calibration)]
     return (
         *findings(MISFIT, _misfits(calibration)),
-        *findings(FAILURE, _noise_reasons(calibration)),
+        *findings(FAILURE, [*_noise_reasons(calibration), *bent_reasons(calibration.flatness)]),
         *findings(WARNING, [*bending_warnings(ladder, calibration.at), *doubts]),
         *findings(NOTE, said),
     )

@@ -228,28 +228,39 @@ class TreeProblem:
         )
 
     def _whitened(
-        self, values: NDArray, groups: PoseGroups, slipped: NDArray
+        self,
+        values: NDArray,
+        groups: PoseGroups,
+        slipped: NDArray,
+        beside: NDArray | None = None,
     ) -> tuple[NDArray, NDArray]:
         """Return whitened derivatives by what is free, and residuals, of what counts."""
         linear = self.residuals.linear(values)
         r = (linear.r / self.scale)[None]
-        J = (linear.J[self.columns] / self.scale)[:, None]
+        by_all = linear.J[self.columns]
+        by_all = by_all if beside is None else np.vstack([by_all, beside.T])
+        J = (by_all / self.scale)[:, None]
         white, slopes = self._whitening(linear, groups, slipped).whiten(r, J)
         keep = np.zeros(len(self.observations.row), dtype=bool)
         keep[groups.rows] = True
         return slopes[:, 0, keep].T, white[0, keep]
 
-    def whitened_at(self, solution: TreeSolution) -> tuple[NDArray, NDArray]:
+    def whitened_at(
+        self, solution: TreeSolution, beside: NDArray | None = None
+    ) -> tuple[NDArray, NDArray]:
         """Return whitened derivatives and residuals where another problem's adjustment ended.
 
         Args:
             solution: Of the same observations and noise, with other parameters free.
+            beside: Derivatives of the residuals by what no body has as a parameter, whitened
+                alike. Shape (R, e).
 
         Returns:
-            By what is free here, shape (k, free), and what is left, shape (k,).
+            By what is free here and then by that, shape (k, free + e), and what is left, shape
+            (k,).
         """
         groups = self._groups(solution.outliers)
-        return self._whitened(solution.values, groups, solution.slipped[groups.numbers])
+        return self._whitened(solution.values, groups, solution.slipped[groups.numbers], beside)
 
     @property
     def _visits(self) -> int:

@@ -189,6 +189,7 @@ def _mirrors(calibration: TreeCalibration) -> dict[str, Any]:
     data, uncertainty = calibration.data, calibration.uncertainty
     table, out = data.observations, {}
     for name in data.mirrors:
+        test = calibration.flatness.get(name)
         mirror = calibration.tree.mirror(name)
         free = [n for n in mirror.names if n in uncertainty.names]
         own = [uncertainty.names.index(n) for n in free]
@@ -203,7 +204,7 @@ def _mirrors(calibration: TreeCalibration) -> dict[str, Any]:
             "distance_mm": 1e3 * mirror.plane.offset,
             "distance_sigma_mm": 1e3 * float(np.sqrt(shift)),
             "distance_from": "the world's origin",
-            "flatness": None,
+            "flatness": None if test is None else test.to_json(),
         }
     return {"mirrors": out} if out else {}
 

@@ -53,13 +53,24 @@ class Gaze:
         return self.off_px - self.misaligned_px
 
 
+@dataclass(frozen=True, eq=False)
+class _Posture:
+    """Where a head stays near."""
+
+    easy: NDArray
+    """Readings of all joints, in their own units. Shape (n,)."""
+    weight: NDArray
+    """What it is worth not to turn each joint of the head by 1 rad from there [px]. Shape (m,)."""
+
+
 class GazeSolver:
     """Turns the joints of a learned body's cameras, by Drake's inverse kinematics.
 
-    Of both cameras it minimises `sum (f / z)^2 |(x, y)|^2 + c^2 |q - q_middle|^2`, with (x, y, z)
+    Of both cameras it minimises `sum (f / z)^2 |(x, y)|^2 + c^2 |q - q_easy|^2`, with (x, y, z)
     the point in a frame at the camera whose z axis is the line of sight of the image's middle and c
     `_POSTURE_PX` a radian: pixels off the middle, and little weight on an easy posture, which
-    decides between neck and cameras. Joints keep their limits, and z > 0.
+    decides between neck and cameras: the middle of each range, where none is given. Joints keep
+    their limits, and z > 0.
     """
 
     def __init__(self, model: BodyModel, cameras: Sequence[str] = ()) -> None:
@@ -90,12 +101,21 @@ class GazeSolver:
         """Names of the joints that are turned."""
         return tuple(self.model.tree.joints[i] for i in self.head.tolist())
 
-    def at_point(self, readings: ArrayLike, p_WT: ArrayLike) -> Gaze:
+    def at_point(
+        self,
+        readings: ArrayLike,
+        p_WT: ArrayLike,
+        easy: ArrayLike | None = None,
+        stiff: ArrayLike = 1.0,
+    ) -> Gaze:
         """Look at a point.
 
         Args:
             readings: Of all joints in their own units; nan where one has no encoder. Shape (n,).
             p_WT: The point in the body's world [m]. Shape (3,).
+            easy: Readings which the head stays near where it can choose, like `readings`; the
+                middle of its range if omitted. Shape (n,).
+            stiff: How much more than another each of `joints` stays there. Shape (m,).
 
         Raises:
             ModelError: If it is out of reach.
@@ -105,7 +125,11 @@ class GazeSolver:
         point = np.asarray(p_WT, dtype=float)
         if point.shape != (3,) or not np.isfinite(point).all():
             raise ValueError(f"a point to look at must be 3 finite coordinates [m], got {p_WT}")
-        best = self._best(now, point, self.model.limits)
+        posture = _Posture(
+            self._easy(now) if easy is None else self._checked(easy),
+            _POSTURE_PX * np.broadcast_to(np.asarray(stiff, dtype=float), self.head.shape),
+        )
+        best = self._best(now, point, posture)
         if not best.missed_px <= WITHIN_PX:
             where = ", ".join(f"{value:.3f}" for value in point)
             off = (
@@ -239,36 +263,34 @@ class GazeSolver:
     def _easy(self, now: NDArray) -> NDArray:
         """Return readings with the head in the middle of its range."""
         model, out = self.model, now.copy()
-        q = self._easy_angles()
+        limited = np.isfinite(self._reach).all(axis=0)
+        q = np.where(limited, np.where(limited, self._reach, 0.0).mean(axis=0), 0.0)
         out[self.head] = (q * model.tree.gear / model.si_per_unit)[self.head]
         return out
 
-    def _easy_angles(self) -> NDArray:
-        limited = np.isfinite(self._reach).all(axis=0)
-        return np.where(limited, np.where(limited, self._reach, 0.0).mean(axis=0), 0.0)
-
-    def _best(self, now: NDArray, point: NDArray, limits: NDArray) -> Gaze:
-        """Solve from where the head is and from the middle of its range."""
-        found = [self._looked(start, point, limits) for start in (now, self._easy(now))]
+    def _best(self, now: NDArray, point: NDArray, posture: "_Posture") -> Gaze:
+        """Solve from where the head is and from where it is easy, where that is elsewhere."""
+        same = np.array_equal(now, posture.easy, equal_nan=True)
+        starts = [now] if same else [now, posture.easy]
+        found = [self._looked(start, point, posture) for start in starts]
         return min(found, key=lambda gaze: gaze.missed_px)
 
-    def _looked(self, readings: NDArray, point: NDArray, limits: NDArray) -> Gaze:
+    def _looked(self, readings: NDArray, point: NDArray, posture: "_Posture") -> Gaze:
         """Solve from a posture; what bends is taken from the posture before."""
-        model, tree = self.model, self.model.tree
+        model, tree, limits = self.model, self.model.tree, self.model.limits
         rounds = 1 if tree.bending is None else _LOADED_ROUNDS
         now = readings.copy()
-        reach = np.sort(limits * model.si_per_unit / tree.gear, axis=0)
         for _ in range(rounds):
             si = model.readings(now)
             self._body.set_readings(self._context, si)
             loaded = self._plant.GetPositions(self._context)[self._columns]
             bent = loaded - tree.displacements(si)
-            q = self._solved(loaded, bent, point, reach)
+            q = self._solved(loaded, bent, point, posture)
             turned = ((q - bent) * tree.gear / model.si_per_unit)[self.head]
             now[self.head] = np.clip(turned, *limits[:, self.head])
         return self._seen(now, point)
 
-    def _solved(self, q: NDArray, bent: NDArray, point: NDArray, reach: NDArray) -> NDArray:
+    def _solved(self, q: NDArray, bent: NDArray, point: NDArray, posture: "_Posture") -> NDArray:
         """Return angles of all joints, those of the head turned [rad]. Shape (n,)."""
         plant, tree = self._plant, self.model.tree
         problem = InverseKinematics(plant, self._context, with_joint_limits=False)
@@ -278,14 +300,14 @@ class GazeSolver:
         led = np.asarray(tree.coupling).diagonal() == 0.0
         fixed = ~turned & ~led
         program.AddBoundingBoxConstraint(q[fixed], q[fixed], x[fixed])
-        low, high = reach + bent
+        low, high = self._reach + bent
         program.AddBoundingBoxConstraint(low[turned], high[turned], x[turned])
         for i in np.flatnonzero(led).tolist():
             # What follows is where its leaders have it, q_i = sum_j c_ij q_j.
             row = np.eye(len(q))[i] - tree.coupling[i]
             program.AddLinearEqualityConstraint(row[None], [bent[i] - tree.coupling[i] @ bent], x)
-        weight = _POSTURE_PX**2 * np.eye(int(turned.sum()))
-        program.AddQuadraticErrorCost(weight, self._easy_angles()[turned], x[turned])
+        q_easy = np.nan_to_num(posture.easy * self.model.si_per_unit / tree.gear)[self.head]
+        program.AddQuadraticErrorCost(np.diag(posture.weight**2), q_easy, x[self.head])
         self._add_looking(problem, point)
         start = plant.GetPositions(self._context)
         return minimum_near(program, start, x)

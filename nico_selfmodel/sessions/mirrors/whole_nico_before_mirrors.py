@@ -74,7 +74,7 @@ def session_before_mirrors(
         poses: Poses before each mirror.
         name: Of the recording; robot and session if omitted.
         pixel_sigma: Noise of a pixel coordinate [px].
-        plate: Of what size they are.
+        plate: Of what size they are, and whether they are flat; what stains show is left out.
         progress: Called after each pose.
 
     Returns:
@@ -97,9 +97,10 @@ def session_before_mirrors(
     plan = [
         (mirror, card, q)
         for mirror, standing in before.items()
-        for card, q in _by_turns(standing, cards, poses, rng)
+        for card, q in standing.by_turns(cards, poses, rng)
     ]
-    first = StereoPixelsBeforeGlass(pixel_sigma, next(iter(before.values())).glass)
+    glass = next(iter(before.values())).glass
+    first = StereoPixelsBeforeGlass(pixel_sigma, glass, plate.radius)
     instance = RobotInstance(nico.mechanics, X_TB=nico.X_TB)
     robot = SimulatedRobot(instance, first, (seed, session, 28))
     body, angles = nico.body, np.array([q for _, _, q in plan])
@@ -112,7 +113,8 @@ def session_before_mirrors(
     }
     with RecordedSamples(robot.joints, robot.markers, about) as kept:
         for index, ((mirror, _, _), command) in enumerate(zip(plan, commands, strict=True)):
-            robot.sensor = StereoPixelsBeforeGlass(pixel_sigma, before[mirror].glass)
+            glass = before[mirror].glass
+            robot.sensor = StereoPixelsBeforeGlass(pixel_sigma, glass, plate.radius)
             sample_pose(robot, kept, index, "", command, _TRIES, mirror)
             if progress is not None:
                 progress(index + 1, len(plan))
@@ -122,20 +124,6 @@ def session_before_mirrors(
     facing = [card for index, (_, card, _) in enumerate(plan) if kept.visits(index)]
     shown = data.of_rows(_shown(data, facing))
     return BeforeMirrors(shown, {mirror: b.glass.plane for mirror, b in before.items()})
-
-
-def _by_turns(
-    standing: BodyBeforeMirror, cards: list[str], count: int, rng: np.random.Generator
-) -> list[tuple[str, NDArray]]:
-    """Draw poses of each card in turn."""
-    each = [(count + len(cards) - 1 - k) // len(cards) for k in range(len(cards))]
-    drawn = [
-        [(card, q) for q in standing.poses([card], number, rng)]
-        for card, number in zip(cards, each, strict=True)
-        if number
-    ]
-    order = sorted((i, k) for k, found in enumerate(drawn) for i in range(len(found)))
-    return [drawn[k][i] for i, k in order]
 
 
 def _shown(data: BodyDataset, wanted: list[str]) -> NDArray:

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.reflection import reflect
-from nico_selfmodel.geometry.transform import apply, inverse
+from nico_selfmodel.geometry.transform import apply, inverse, transform
+from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.systems.measurements import CameraMeasurement, Measurement
 from nico_selfmodel.systems.simulated.cameras import inside_images
+from nico_selfmodel.systems.simulated.curved_mirror import curved_reflection
 from nico_selfmodel.systems.simulated.glass import Glass
 from nico_selfmodel.systems.simulated.instance import RobotInstance
 
@@ -94,6 +96,9 @@ class StereoPixelsBeforeGlass:
     """Noise of each pixel coordinate, independent in both cameras [px]."""
     glass: Glass
     """Where it stands, in the base's frame; the base stands still."""
+    radius: float | None = None
+    """Of its curvature about its middle [m], positive bulging towards the cameras; None if it is
+    flat."""
 
     def measure(
         self, robot: RobotInstance, encoders: NDArray, p_BH: NDArray, rng: np.random.Generator
@@ -108,7 +113,7 @@ class StereoPixelsBeforeGlass:
             np.where(np.repeat(np.transpose(where), 2, axis=1), found, np.nan)
             for where, found in (
                 (shown, _pixels(robot, p_BH, self.sigma, rng)),
-                (mirrored, _pixels(robot, virtual, self.sigma, rng)),
+                (mirrored, self._reflected(robot, p_BH, virtual, rng)),
             )
         )
         return CameraMeasurement(
@@ -118,12 +123,44 @@ class StereoPixelsBeforeGlass:
             reflected=MappingProxyType(dict(zip(markers, reflected, strict=True))),
         )
 
+    def _reflected(
+        self, robot: RobotInstance, p_BH: NDArray, virtual: NDArray, rng: np.random.Generator
+    ) -> NDArray:
+        """Return noisy pixels of reflections, nan out of an image. Shape (m, 4)."""
+        if self.radius is None:
+            return _pixels(robot, virtual, self.sigma, rng)
+        assert robot.rig is not None
+        assert robot.X_BL is not None
+        # Before the middle of the glass, by 1 m: there the sphere touches its plane.
+        normal = self.glass.plane.normal
+        before = self.glass.X_WM[:3, 3] + normal
+        X_GB = transform(np.eye(3), -before)
+        shown = [
+            curved_reflection(
+                camera,
+                Mirror(normal, 1.0),
+                self.radius,
+                p_BH - before,
+                X_GB @ robot.X_BL @ camera.X_WC,
+            )
+            for camera in robot.rig.cameras
+        ]
+        return _noisy(robot, np.concatenate(shown, axis=1), self.sigma, rng)
+
 
 def _pixels(robot: RobotInstance, p_BQ: NDArray, sigma: float, rng: np.random.Generator) -> NDArray:
     """Return noisy pixels of points, nan out of an image. Shape (m, 4)."""
     assert robot.rig is not None
     assert robot.X_BL is not None
     pixels = robot.rig.project(apply(inverse(robot.X_BL), p_BQ))
+    return _noisy(robot, pixels, sigma, rng)
+
+
+def _noisy(
+    robot: RobotInstance, pixels: NDArray, sigma: float, rng: np.random.Generator
+) -> NDArray:
+    """Return pixels with noise, nan out of an image. Shape (m, 4)."""
+    assert robot.rig is not None
     noisy = pixels + rng.normal(0.0, sigma, pixels.shape)
     inside = inside_images(noisy, robot.rig.left.image_size, _EDGE)
     return np.where(np.repeat(inside, 2, axis=1), noisy, np.nan)

@@ -6,10 +6,11 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.systems.tracking.hand_tracker import (
     FIDUCIAL_ID,
     Detectors,
+    MirrorDetectors,
     color_detector,
     fiducial_detector,
 )
-from nico_selfmodel.systems.tracking.shared_search import fiducial_detectors
+from nico_selfmodel.systems.tracking.shared_search import fiducial_detectors, fiducials_in_mirror
 from nico_selfmodel.vision.markers.tag_card import TagCard, markers_of
 
 FIDUCIALS = {"right": FIDUCIAL_ID, "left": FIDUCIAL_ID + 1}
@@ -40,6 +41,20 @@ def room_detectors(room: Sequence[TagCard], rig: StereoRig | None = None) -> Det
         room: The cards.
         rig: The calibrated cameras, whose lenses are then taken out before points are located.
     """
-    hands = {f"{side}_hand_fiducial": number for side, number in FIDUCIALS.items()}
+    return fiducial_detectors(*_in_room(room), rig=rig)
+
+
+def room_mirror_detectors(room: Sequence[TagCard], rig: StereoRig | None = None) -> MirrorDetectors:
+    """Return detectors of the same, and of their reflections.
+
+    Args:
+        room: The cards.
+        rig: As in `room_detectors`.
+    """
+    return fiducials_in_mirror(*_in_room(room), rig=rig)
+
+
+def _in_room(room: Sequence[TagCard]) -> tuple[dict[str, int], dict[str, int]]:
+    """Return ids of markers whose centres are wanted, and of those whose corners are, by name."""
     centers = {name: number for name, (number, _) in markers_of(room).items()}
-    return fiducial_detectors(centers, hands, rig=rig)
+    return centers, {f"{side}_hand_fiducial": number for side, number in FIDUCIALS.items()}

@@ -5,6 +5,8 @@ colour does not: the body must know where its hand should be seen, and what else
 the reflection.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,10 +46,7 @@ def fiducial_in_mirror(
     Raises:
         ValueError: If the marker looks in a mirror like one of its own family.
     """
-    if marker in FiducialFamily(family).mirror_twins:
-        raise ValueError(
-            f"the reflection of marker {marker} of {family} can be read as a marker: take another"
-        )
+    refuse_twins([marker], family)
 
     def detect(image: NDArray, expected: NDArray) -> tuple[Found, Found]:
         seen = [item for item in find_fiducials(image, family) if item.id == marker]
@@ -58,6 +57,25 @@ def fiducial_in_mirror(
         return _center(image, direct, camera), _center(image, reflected, camera)
 
     return detect
+
+
+def refuse_twins(markers: Iterable[int], family: str = DEFAULT_FAMILY) -> None:
+    """Refuse markers that look in a mirror like one of their own family.
+
+    Args:
+        markers: Their ids.
+        family: Their family.
+
+    Raises:
+        ValueError: If one does.
+    """
+    twins = FiducialFamily(family).mirror_twins
+    for marker in markers:
+        if marker in twins:
+            raise ValueError(
+                f"the reflection of marker {marker} of {family} can be read as a marker: take "
+                "another"
+            )
 
 
 def color_in_mirror(model: ColorModel = RED_TAPE, gate: float = _GATE) -> MirrorDetector:

@@ -6,7 +6,14 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
-from nico_selfmodel.systems.tracking.hand_tracker import Detector, Detectors
+from nico_selfmodel.systems.tracking.hand_tracker import (
+    Detector,
+    Detectors,
+    Found,
+    MirrorDetector,
+    MirrorDetectors,
+)
+from nico_selfmodel.systems.tracking.reflection_detectors import refuse_twins
 from nico_selfmodel.vision.images.not_seen import NotSeen
 from nico_selfmodel.vision.markers.fiducial import Fiducial, FiducialSearch
 from nico_selfmodel.vision.markers.fiducial_behind_lens import (
@@ -34,15 +41,56 @@ def fiducial_detectors(
     Raises:
         ValueError: If there is no such family or id.
     """
+    wanted = _wanted(centers, corners or {}, family)
+    left, right = _searches(family, rig, mirrors=False)
+    return {name: (left.of(*which), right.of(*which)) for name, which in wanted.items()}
+
+
+def fiducials_in_mirror(
+    centers: Mapping[str, int],
+    corners: Mapping[str, int],
+    *,
+    family: str = DEFAULT_FAMILY,
+    rig: StereoRig | None = None,
+) -> MirrorDetectors:
+    """Return detectors of the same, and of their reflections.
+
+    Args:
+        centers: As in `fiducial_detectors`.
+        corners: As there.
+        family: Their family.
+        rig: The calibrated cameras, whose lenses are then taken out before points are located.
+
+    Raises:
+        ValueError: If there is no such family or id, or one looks in a mirror like another.
+    """
+    wanted = _wanted(centers, corners, family)
+    refuse_twins((marker for marker, _ in wanted.values()), family)
+    left, right = _searches(family, rig, mirrors=True)
+    return {
+        name: (left.in_mirror(*which), right.in_mirror(*which)) for name, which in wanted.items()
+    }
+
+
+def _wanted(
+    centers: Mapping[str, int], corners: Mapping[str, int], family: str
+) -> dict[str, tuple[int, int | None]]:
+    """Return the id of each point's marker, and which corner it is; None of its centre."""
     known, wanted = FiducialFamily(family), dict[str, tuple[int, int | None]]()
     wanted |= {name: (marker, None) for name, marker in centers.items()}
-    for name, marker in (corners or {}).items():
+    for name, marker in corners.items():
         wanted |= {own: (marker, k) for k, own in enumerate(corner_names(name))}
     for marker, _ in wanted.values():
         known.pattern(marker)
+    return wanted
+
+
+def _searches(
+    family: str, rig: StereoRig | None, *, mirrors: bool
+) -> "tuple[_SharedSearch, _SharedSearch]":
     cameras = (None, None) if rig is None else rig.cameras
-    left, right = (_SharedSearch(family, camera) for camera in cameras)
-    return {name: (left.of(*which), right.of(*which)) for name, which in wanted.items()}
+    left, right = (_SharedSearch(family, camera, mirrors) for camera in cameras)
+    return left, right
 
 
 def corner_names(marker: str) -> tuple[str, ...]:
@@ -53,30 +101,40 @@ def corner_names(marker: str) -> tuple[str, ...]:
 class _SharedSearch:
     """Remembers what it found in the picture that it was shown last."""
 
-    def __init__(self, family: str, camera: Camera | None) -> None:
-        self._family, self._camera = family, camera
+    def __init__(self, family: str, camera: Camera | None, mirrors: bool) -> None:
+        self._family, self._camera, self._mirrors = family, camera, mirrors
         self._image: NDArray | None = None
         self._found = FiducialSearch(family, (), "")
-        self._located: dict[int, NDArray | NotSeen] = {}
+        self._located: dict[tuple[int, bool], NDArray | NotSeen] = {}
 
     def of(self, marker: int, corner: int | None) -> Detector:
         """Return what finds the centre of one marker, or one of its corners."""
+        return lambda image: self._one(image, marker, corner, mirrored=False)
 
-        def detect(image: NDArray) -> NDArray | NotSeen:
-            if image is not self._image:
-                self._found = FiducialSearch.of(image, self._family, mirrors=False)
-                self._image, self._located = image, {}
-            found = self._found.one(marker, mirrored=False)
-            if isinstance(found, NotSeen):
-                return found
-            if corner is None:
-                return self._center(image, found)
-            if marker not in self._located:
-                self._located[marker] = self._corners(image, found)
-            corners = self._located[marker]
-            return corners if isinstance(corners, NotSeen) else corners[corner]
+    def in_mirror(self, marker: int, corner: int | None) -> MirrorDetector:
+        """Return what finds the same of one marker, and of its reflection."""
+
+        def detect(image: NDArray, expected: NDArray) -> tuple[Found, Found]:
+            direct, reflected = (
+                self._one(image, marker, corner, mirrored=mirrored) for mirrored in (False, True)
+            )
+            return direct, reflected
 
         return detect
+
+    def _one(self, image: NDArray, marker: int, corner: int | None, *, mirrored: bool) -> Found:
+        if image is not self._image:
+            self._found = FiducialSearch.of(image, self._family, mirrors=self._mirrors)
+            self._image, self._located = image, {}
+        found = self._found.one(marker, mirrored=mirrored)
+        if isinstance(found, NotSeen):
+            return found
+        if corner is None:
+            return self._center(image, found)
+        if (marker, mirrored) not in self._located:
+            self._located[marker, mirrored] = self._corners(image, found)
+        corners = self._located[marker, mirrored]
+        return corners if isinstance(corners, NotSeen) else corners[corner]
 
     def _center(self, image: NDArray, found: Fiducial) -> NDArray | NotSeen:
         if self._camera is None:

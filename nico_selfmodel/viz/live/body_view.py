@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +14,11 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import WORLD, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
+from nico_selfmodel.viz.figures.rgba import Rgba
 from nico_selfmodel.viz.live.image_marks import marked
 from nico_selfmodel.viz.live.moving_scene import MovingScene
 from nico_selfmodel.viz.live.screens import screens_beside
+from nico_selfmodel.viz.live.station_mirror import StandingGlass, StationMirror
 from nico_selfmodel.viz.live.station_view import PREDICTED, TRACKED
 from nico_selfmodel.viz.scene.scene import LegendEntry, Scene, path_names
 from nico_selfmodel.viz.scene.scene_items import Item, Markers
@@ -33,7 +36,8 @@ _AZIMUTH = np.radians(252.0)
 class WholeBodyView(MovingScene):
     """The moving tree with its cameras, their images, each hand as tracked and as predicted.
 
-    W is the room; the first camera is the left one.
+    W is the room; the first camera is the left one. Before a mirror, the glass carries what the
+    left camera sees in it, each hand's reflection stands behind it, and light goes over it.
     """
 
     def __init__(
@@ -43,6 +47,7 @@ class WholeBodyView(MovingScene):
         readings: NDArray,
         meshcat: Meshcat | None = None,
         *,
+        glass: StandingGlass | None = None,
         recording: bool = False,
     ) -> None:
         """Draw everything once.
@@ -52,13 +57,18 @@ class WholeBodyView(MovingScene):
             hands: Markers of each hand, by what it is called; their middle is shown.
             readings: Where it is now [encoder units]. Shape (n,).
             meshcat: Where to draw; a new server that only this machine reaches if omitted.
+            glass: A mirror before the robot that the model knows, if any.
             recording: Keep every `show` as a frame of an animation, for `html`.
 
         Raises:
             SelfModelError: If the server cannot start.
+            ValueError: If the model does not know that mirror.
         """
         self.model, self.hands = model, hands
         tree, motion = model.tree, self._motion(readings)
+        self._mirror = None
+        if glass is not None:
+            self._mirror = StationMirror(glass, tree.mirror(glass.mirror).plane)
         drawn = carried_items(tree, motion)
         self._links = dict(zip(path_names(tree.joints), range(len(tree.joints)), strict=True))
         names = {link: name for name, link in self._links.items()} | {WORLD: "world"}
@@ -68,6 +78,8 @@ class WholeBodyView(MovingScene):
         own = [motion.pose_of(m)[1].T for m in tree.markers if m.on != WORLD]
         points = np.vstack([axis_points(tree, motion), *own])
         points = np.concatenate([points - _ABOUT, points + _ABOUT])
+        if self._mirror is not None:
+            points = np.concatenate([points, self._mirror.corners])
         sizes = {
             side: camera.image_size
             for side, camera in zip(SIDES, rig_of(tree, motion).cameras, strict=True)
@@ -78,10 +90,12 @@ class WholeBodyView(MovingScene):
     def _scene(self, items: list[Item], points: NDArray) -> Scene:
         """Return what is drawn once, screens beside the points of the body."""
         kinds = (("tracked", TRACKED, 1.0), ("predicted", PREDICTED, 0.8))
-        for hand in self.hands:
+        groups = ("hands",) if self._mirror is None else ("hands", "reflections")
+        for group, hand in product(groups, self.hands):
             for kind, color, size in kinds:
-                path, one = f"hands/{hand}/{kind}", np.zeros((1, 3))
+                path, one = f"{group}/{hand}/{kind}", np.zeros((1, 3))
                 items.append(Markers(path=path, color=color, centers=one, radius=size * _HAND))
+        items += [] if self._mirror is None else self._mirror.frame_items()
         items += [item for screen in self._screens.values() for item in screen.frame_items()]
         legend = tuple(LegendEntry(f"hand as {kind}", color) for kind, color, _ in kinds)
         corners = [screen.corners for screen in self._screens.values()]
@@ -94,13 +108,36 @@ class WholeBodyView(MovingScene):
         Args:
             readings: Encoder readings [encoder units]. Shape (n,).
         """
+        rig, p_WM = self._seen_from(readings)
+        return dict(zip(p_WM, rig.project(np.stack(list(p_WM.values()))), strict=True))
+
+    def expected_in_mirror(self, readings: NDArray) -> dict[str, NDArray]:
+        """Return where the cameras should see each marker in the mirror [px]. Shape (4,) each.
+
+        Args:
+            readings: Encoder readings [encoder units]. Shape (n,).
+
+        Raises:
+            ValueError: If there is no mirror.
+        """
+        if self._mirror is None:
+            raise ValueError("the view was made without a glass, nothing is reflected")
+        rig, p_WM = self._seen_from(readings)
+        pixels = self._mirror.project(rig, np.stack(list(p_WM.values())))
+        return dict(zip(p_WM, pixels, strict=True))
+
+    def _seen_from(self, readings: NDArray) -> tuple[StereoRig, dict[str, NDArray]]:
+        """Return the cameras, and markers' places [m], where readings have them."""
         tree, motion = self.model.tree, self._motion(readings)
-        p_WM = np.stack([motion.pose_of(m)[1][:, 0] for m in tree.markers])
-        pixels = rig_of(tree, motion).project(p_WM)
-        return dict(zip([m.name for m in tree.markers], pixels, strict=True))
+        places = {m.name: motion.pose_of(m)[1][:, 0] for m in tree.markers}
+        return rig_of(tree, motion), places
 
     def show(
-        self, readings: NDArray, images: Sequence[NDArray], pixels: Mapping[str, NDArray]
+        self,
+        readings: NDArray,
+        images: Sequence[NDArray],
+        pixels: Mapping[str, NDArray],
+        reflected: Mapping[str, NDArray] | None = None,
     ) -> None:
         """Move the body and show what it sees.
 
@@ -108,31 +145,75 @@ class WholeBodyView(MovingScene):
             readings: Encoder readings [encoder units]. Shape (n,).
             images: Pictures of both cameras, BGR, 8 bits. Shape (h, w, 3) each.
             pixels: Where they tracked markers, nan where not [px]. Shape (4,) each.
+            reflected: Where they tracked reflections, before a mirror. Shape (4,) each.
+
+        Raises:
+            ValueError: If there is no mirror to be reflected in.
         """
-        time, tree, motion = self._time, self.model.tree, self._motion(readings)
+        time, motion = self._time, self._motion(readings)
         X_WL = transform(motion.R_WL[..., 0], motion.p_WL[..., 0])
         for name, link in self._links.items():
             self._place(f"links/{name}", X_WL[link] @ self._X_LW[link], time)
-        rig, expected = rig_of(tree, motion), self.expected(readings)
-        drawn = [image[:, :, ::-1] for image in images]
+        rig, p_WM = self._seen_from(readings)
+        direct = self._marks(pixels, self.expected(readings))
+        rings: dict[str, dict[Rgba, NDArray]] = {}
+        if reflected is not None:
+            rings = self._marks(reflected, self.expected_in_mirror(readings))
         for hand, markers in self.hands.items():
-            both = {
-                TRACKED: np.mean([pixels[name] for name in markers], axis=0),
+            at = np.mean([p_WM[name] for name in markers], axis=0)
+            self._show_hand(f"hands/{hand}", rig, direct[hand][TRACKED], at, time)
+            if self._mirror is not None and reflected is not None:
+                behind = self._mirror.reflection(at)
+                there = self._mirror.plane.distance_to(at) > 0.0
+                seen, path = rings[hand][TRACKED], f"reflections/{hand}"
+                self._show_hand(path, rig, seen, behind if there else np.full(3, np.nan), time)
+                for name, item in self._mirror.rays(rig, at, f"mirror/{hand}").items():
+                    self._show_item(name, item, time)
+        drawn = [image[:, :, ::-1] for image in images]
+        if self._mirror is not None:
+            self._show_item("mirror/picture", self._mirror.picture(rig.left, drawn[0]), time)
+        self._show_images(drawn, direct, rings, time)
+        self._frames += 1
+
+    def _marks(
+        self, tracked: Mapping[str, NDArray], expected: Mapping[str, NDArray]
+    ) -> dict[str, dict[Rgba, NDArray]]:
+        """Return by hand where both cameras see its middle, and where they should [px]. (4,)."""
+        return {
+            hand: {
+                TRACKED: np.mean([tracked[name] for name in markers], axis=0),
                 PREDICTED: np.mean([expected[name] for name in markers], axis=0),
             }
-            at = [motion.pose_of(tree.markers[tree.marker_index(m)])[1][:, 0] for m in markers]
-            there = rig.triangulate(both[TRACKED][None]).p_WQ[0]
-            for kind, p in (("tracked", there), ("predicted", np.mean(at, axis=0))):
-                known = bool(np.isfinite(p).all())
-                if known:
-                    self._place(f"hands/{hand}/{kind}", transform(np.eye(3), p), time)
-                self._set_visible(f"hands/{hand}/{kind}", known, time)
-            for k in range(len(drawn)):
-                own = slice(2 * k, 2 * k + 2)
-                drawn[k] = marked(drawn[k], {color: uv[own] for color, uv in both.items()})
-        for (side, screen), image in zip(self._screens.items(), drawn, strict=True):
-            self._show_item(f"screens/{side}/image", screen.picture(image, "image"), time)
-        self._frames += 1
+            for hand, markers in self.hands.items()
+        }
+
+    def _show_hand(
+        self, path: str, rig: StereoRig, tracked: NDArray, at: NDArray, time: float | None
+    ) -> None:
+        """Show a hand, or its reflection, where it is seen and where it is expected."""
+        seen = rig.triangulate(tracked[None]).p_WQ[0]
+        for kind, p in (("tracked", seen), ("predicted", at)):
+            known = bool(np.isfinite(p).all())
+            if known:
+                self._place(f"{path}/{kind}", transform(np.eye(3), p), time)
+            self._set_visible(f"{path}/{kind}", known, time)
+
+    def _show_images(
+        self,
+        images: Sequence[NDArray],
+        marks: Mapping[str, Mapping[Rgba, NDArray]],
+        rings: Mapping[str, Mapping[Rgba, NDArray]],
+        time: float | None,
+    ) -> None:
+        """Show both pictures (red, green, blue) with hands and reflections marked."""
+        for k, ((side, screen), image) in enumerate(
+            zip(self._screens.items(), images, strict=True)
+        ):
+            own, drawn = slice(2 * k, 2 * k + 2), image
+            for hand, both in marks.items():
+                ring = {color: uv[own] for color, uv in rings.get(hand, {}).items()}
+                drawn = marked(drawn, {color: uv[own] for color, uv in both.items()}, ring)
+            self._show_item(f"screens/{side}/image", screen.picture(drawn, "image"), time)
 
     def _motion(self, readings: NDArray) -> TreeMotion:
         return TreeMotion.at(self.model.tree, self.model.readings(readings[None]))

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflect
+from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
-from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.scene.mirror_picture import on_glass
 from nico_selfmodel.viz.scene.scene_items import Item, Picture, Surface, Tube
@@ -37,22 +39,18 @@ class StandingGlass:
 class StationMirror:
     """The items of one mirror before a robot; those of one moment are made anew for each."""
 
-    def __init__(self, glass: StandingGlass, model: SelfModel) -> None:
+    def __init__(self, glass: StandingGlass, plane: Plane) -> None:
         """Take a mirror.
 
         Args:
             glass: Where somebody put it.
-            model: Arm, cameras and mirror, in the robot's root link.
-
-        Raises:
-            ModelError: If the model does not know that mirror.
+            plane: Where it was learned to be, in the robot's root link.
         """
-        self.rig = model.mirror_rig(glass.mirror)
-        normal = self.rig.plane.normal
-        middle = glass.X_RM[:3, 3] - self.rig.plane.distance_to(glass.X_RM[:3, 3]) * normal
-        right = glass.X_RM[:3, 0] - (glass.X_RM[:3, 0] @ normal) * normal
+        self.plane = plane
+        middle = glass.X_RM[:3, 3] - plane.distance_to(glass.X_RM[:3, 3]) * plane.normal
+        right = glass.X_RM[:3, 0] - (glass.X_RM[:3, 0] @ plane.normal) * plane.normal
         right = 0.5 * glass.width * right / np.linalg.norm(right)
-        down = np.cross(right, normal) * glass.height / glass.width
+        down = np.cross(right, plane.normal) * glass.height / glass.width
         self.corners = middle + np.array(
             [down - right, down + right, right - down, -right - down], dtype=float
         )
@@ -63,7 +61,7 @@ class StationMirror:
             Surface(
                 path="mirror/glass",
                 color=_GLASS,
-                vertices=self.corners - _BACK * self.rig.plane.normal,
+                vertices=self.corners - _BACK * self.plane.normal,
                 faces=np.array([[0, 1, 2], [0, 2, 3]]),
             ),
             Tube(
@@ -77,37 +75,49 @@ class StationMirror:
 
     def reflection(self, p_RH: NDArray) -> NDArray:
         """Return where the reflection of a point appears, behind the glass. Shape (3,)."""
-        return reflect(self.rig.plane, p_RH)
+        return reflect(self.plane, p_RH)
 
-    def picture(self, image: NDArray) -> Picture:
+    def project(self, rig: StereoRig, p_RQ: NDArray) -> NDArray:
+        """Return where both cameras see the reflections of points [px]. (..., 3) -> (..., 4).
+
+        They are nan behind the glass, and where a camera does not see them.
+        """
+        before = self.plane.distance_to(p_RQ) > 0.0
+        return np.where(before[..., None], rig.project(reflect(self.plane, p_RQ)), np.nan)
+
+    def picture(self, camera: Camera, image: NDArray) -> Picture:
         """Return on the glass what the left camera sees there.
 
         Args:
-            image: Of the left camera, red, green, blue, 8 bits. Shape (h, w, 3).
+            camera: The left camera where it is.
+            image: What it sees; red, green, blue, 8 bits. Shape (h, w, 3).
         """
-        return on_glass("mirror/picture", self.rig.rig.left, self.corners, image)
+        return on_glass("mirror/picture", camera, self.corners, image)
 
-    def rays(self, p_RH: NDArray) -> dict[str, Item]:
+    def rays(self, rig: StereoRig, p_RH: NDArray, of: str = "mirror") -> dict[str, Item | None]:
         """Return how light goes from the hand over the glass into each camera that sees it.
 
         Args:
+            rig: The cameras where they are.
             p_RH: The hand, as predicted. Shape (3,).
+            of: Where the items belong.
 
         Returns:
-            Name -> item: of each camera the way of the light, and where it seems to come from.
+            Path -> item: of each camera the way of the light, and where it seems to come from; None
+            of one that does not see it.
         """
-        expected, found = self.rig.project(p_RH), {}
-        behind = self.reflection(p_RH)
-        for k, (side, camera) in enumerate(zip(SIDES, self.rig.rig.cameras, strict=True)):
-            if not np.isfinite(expected[2 * k : 2 * k + 2]).all():
-                continue
+        expected, behind = self.project(rig, p_RH), self.reflection(p_RH)
+        found: dict[str, Item | None] = {}
+        for k, (side, camera) in enumerate(zip(SIDES, rig.cameras, strict=True)):
+            seen = bool(np.isfinite(expected[2 * k : 2 * k + 2]).all())
             center = camera.X_WC[:3, 3]
-            near, far = self.rig.plane.distance_to(center), self.rig.plane.distance_to(behind)
-            on = center + near / (near - far) * (behind - center)
+            near, far = self.plane.distance_to(center), self.plane.distance_to(behind)
+            on = center + near / (near - far) * (behind - center) if seen else center
             for name, points, radius, opacity in (
                 (f"{side}_ray", np.stack([p_RH, on, center]), _RAY, 1.0),
                 (f"{side}_behind", np.stack([on, behind]), _BEHIND_RAY, 0.5),
             ):
-                color = palette.rgba(palette.CAMERAS[side], opacity)
-                found[name] = Tube(path=f"mirror/{name}", color=color, points=points, radius=radius)
+                color, path = palette.rgba(palette.CAMERAS[side], opacity), f"{of}/{name}"
+                tube = Tube(path=path, color=color, points=points, radius=radius)
+                found[path] = tube if seen else None
         return found

@@ -73,7 +73,7 @@ class StationView(MovingScene):
         self.marker = self.model.markers[0]
         self._built = SelfModelPlant.from_urdf(arm, self.model)
         self._context = self._built.plant.CreateDefaultContext()
-        self._mirror = None if glass is None else StationMirror(glass, self.model)
+        self._mirror = None if glass is None else _mirror_of(self.model, glass)
         q = np.zeros(len(arm.joints))
         body = robot_items(arm, self.model, q)
         self._links = sorted({item.path.split("/")[1] for item in body})
@@ -166,11 +166,11 @@ class StationView(MovingScene):
         time: float | None,
     ) -> None:
         """Show both pictures with the hand and its reflection marked, and what the glass shows."""
-        mirror = self._mirror
+        mirror, rig = self._mirror, self.model.rig
         if mirror is not None:
-            self._show_item("mirror/picture", mirror.picture(images[0][:, :, ::-1]), time)
-        expected = self.model.rig.project(predicted)
-        behind = np.full(4, np.nan) if mirror is None else mirror.rig.project(predicted)
+            self._show_item("mirror/picture", mirror.picture(rig.left, images[0][:, :, ::-1]), time)
+        expected = rig.project(predicted)
+        behind = np.full(4, np.nan) if mirror is None else mirror.project(rig, predicted)
         for k, side in enumerate(SIDES):
             own = slice(2 * k, 2 * k + 2)
             marks = {TRACKED: seen[own], PREDICTED: expected[own]}
@@ -182,15 +182,12 @@ class StationView(MovingScene):
     ) -> None:
         """Show where the reflection is expected and tracked, and how its light goes."""
         behind = transform(np.eye(3), mirror.reflection(predicted))
-        in_front = float(mirror.rig.plane.distance_to(predicted)) > 0.0
+        in_front = float(mirror.plane.distance_to(predicted)) > 0.0
         self._place("reflection/predicted", behind, time)
         self._set_visible("reflection/predicted", in_front, time)
         self._show_tracked("reflection/tracked", pixels, time)
-        rays = mirror.rays(predicted)
-        for side in SIDES:
-            for kind in ("ray", "behind"):
-                name = f"{side}_{kind}"
-                self._show_item(f"mirror/{name}", rays.get(name), time)
+        for path, item in mirror.rays(self.model.rig, predicted).items():
+            self._show_item(path, item, time)
 
     def _show_tracked(self, path: str, pixels: NDArray, time: float | None) -> None:
         there = bool(np.isfinite(pixels).all())
@@ -214,6 +211,10 @@ class StationView(MovingScene):
             body = plant.GetBodyByName(link, self._built.instance)
             poses[link] = plant.EvalBodyPoseInWorld(self._context, body).GetAsMatrix4()
         return poses
+
+
+def _mirror_of(model: SelfModel, glass: StandingGlass) -> StationMirror:
+    return StationMirror(glass, model.mirror_rig(glass.mirror).plane)
 
 
 def _four(pixels: ArrayLike | None, name: str) -> NDArray:

@@ -119,7 +119,7 @@ class TreeResiduals:
         """Return residuals alone. Shape (P,) -> (R,)."""
         tree = self.parameters.tree_of(values)
         motion = self.motion(tree)
-        shown = [self._show(tree, motion, rows)[0] for rows in self.observations.sensors]
+        shown = [self.show(tree, motion, rows)[0] for rows in self.observations.sensors]
         return np.concatenate([part.residual.ravel() for part in shown])
 
     def linear(self, values: NDArray, start: NDArray | None = None) -> TreeLinear:
@@ -157,10 +157,19 @@ class TreeResiduals:
         name = self.observations.data.sensors[rows.sensor].name
         return rows.marker, np.full(len(rows.rows), markers + self._sensor_names.index(name))
 
-    def _show(
+    def show(
         self, tree: BodyTree, motion: TreeMotion, rows: SensorRows
     ) -> tuple[Shown, NDArray, NDArray, NDArray]:
-        """Return what a sensor shows, R_WS', p_WM (where it stands, not where it is seen), p_WS."""
+        """Return what a sensor shows, R_WS', p_WM (where it stands, not where it is seen), p_WS.
+
+        Args:
+            tree: The body.
+            motion: It at the samples.
+            rows: What the sensor measured, N observations.
+
+        Returns:
+            The last three of shapes (N, 3, 3), (N, 3) and (N, 3).
+        """
         frames = np.stack([a.X_LA for a in (*tree.markers, *tree.sensors)])
         seen, seeing = self._items(rows)
         R_WM, p_WM = self._frame(motion, frames, seen, rows.pose)
@@ -183,7 +192,7 @@ class TreeResiduals:
     def _linear(
         self, tree: BodyTree, motion: TreeMotion, slopes: NDArray, rows: SensorRows
     ) -> TreeLinear:
-        shown, R_SW, p_WM, p_WS = self._show(tree, motion, rows)
+        shown, R_SW, p_WM, p_WS = self.show(tree, motion, rows)
         N, k = shown.residual.shape
         J = np.zeros((len(self.parameters.names), N, k))
         by_joint = np.zeros((N, k, len(self.observations.noisy_joints)))
@@ -220,7 +229,7 @@ class TreeResiduals:
     def _of_free_in(
         self, tree: BodyTree, motion: TreeMotion, rows: SensorRows
     ) -> tuple[NDArray, NDArray]:
-        shown, R_SW, p_WM, _ = self._show(tree, motion, rows)
+        shown, R_SW, p_WM, _ = self.show(tree, motion, rows)
         N, k = shown.residual.shape
         push = Push.of_shown(shown, R_SW, p_WM, rows.pose)
         if rows.mirror:

@@ -12,12 +12,13 @@ from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.results.provenance import package_versions
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
-from nico_selfmodel.estimation.tree.known_with_errors import (
+from nico_selfmodel.estimation.tree.mirrors.glass_flatness import flatness_of_glasses
+from nico_selfmodel.estimation.tree.mirrors.known_with_errors import (
     NewParameters,
     drifts_of,
     new_parameters,
 )
-from nico_selfmodel.estimation.tree.mirrored_tree import names_of_mirrors, place_mirrors
+from nico_selfmodel.estimation.tree.mirrors.mirrored_tree import names_of_mirrors, place_mirrors
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration, refit_tree
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, errors_of, told_as
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
@@ -146,9 +147,11 @@ def _with_errors_of_body(
     L = vectors * np.sqrt(np.maximum(squares, 0.0))
     largest, solution = float(found.solution.noise.joint.max(initial=0.0)), found.solution
 
+    def at(solution: TreeSolution) -> TreeSolution:
+        return replace(solution, values=np.append(solution.values, still))
+
     def weighed(solution: TreeSolution) -> tuple[NewParameters, int]:
-        at = replace(solution, values=np.append(solution.values, still))
-        U, white = problem.whitened_at(at)
+        U, white = problem.whitened_at(at(solution))
         drift = U[:, drifting] * drifts.scale
         return new_parameters(U[:, own], U[:, known] @ L, drift, white, largest), len(white)
 
@@ -157,6 +160,9 @@ def _with_errors_of_body(
         values[problem.columns[own]] += weighed(solution)[0].step
         solution = replace(solution, values=values)
     new, count = weighed(solution)
+    may_err = np.zeros((len(names), len(body.names) + len(drifting)))
+    may_err[known, : len(body.names)] = L
+    may_err[drifting, len(body.names) :] = np.diag(new.drift * drifts.scale)
     uncertainty = _uncertainty(found, planes, new.information, count)
     across = new.with_body @ L.T
     matrix = np.block([[body.matrix, across.T], [across, uncertainty.covariance]])
@@ -166,6 +172,7 @@ def _with_errors_of_body(
         solution=solution,
         uncertainty=uncertainty,
         train=TreeErrors(found.train.observations, residuals.residuals(solution.values)),
+        flatness=flatness_of_glasses(problem, at(solution), np.array(own), may_err),
     )
     return moved, ParameterCovariance((*body.names, *planes), matrix)
 

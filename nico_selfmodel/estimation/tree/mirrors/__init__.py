@@ -1,0 +1,1 @@
+"""Mirrors that stand before a body whose cameras move."""
