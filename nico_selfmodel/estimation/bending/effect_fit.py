@@ -141,8 +141,8 @@ def fit_effects(
     """
     task = _Task.of(body, parameters, groups, beforehand)
     weighed = body.weighed(parameters, task.free, noise)
-    fits = [task.fitted(weighed, *told) for told in task.starts(Sums.of(weighed), begin)]
-    return min(fits, key=lambda fit: fit.evidence)
+    fits = [task.at_its_noise(weighed, *told) for told in task.starts(Sums.of(weighed), begin)]
+    return task.whole(min(fits, key=lambda fit: fit.evidence))
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,8 +178,8 @@ class Glance:
         task = _Task.of(body, parameters, groups, beforehand)
         columns = [self.weighed.free.index(name) for name in task.free]
         sums = self.sums.part(columns)
-        fits = [task.fit(self.weighed, sums, columns, *told) for told in task.starts(sums, {})]
-        return min(fits, key=lambda fit: fit.evidence)
+        fits = [task.judged(self.weighed, sums, columns, *told) for told in task.starts(sums, {})]
+        return task.whole(min(fits, key=lambda fit: fit.evidence))
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +230,9 @@ class _Task:
         ]
         return [large, *others]
 
-    def fitted(self, weighed: Weighed, step: NDArray, variance: dict[str, float]) -> EffectFit:
+    def at_its_noise(
+        self, weighed: Weighed, step: NDArray, variance: dict[str, float]
+    ) -> "_Judged":
         """Return the fit at the noise that is left."""
         pull, spread_of = np.zeros(len(self.free)), np.full(len(self.free), np.inf)
         for effect, own in self.member.items():
@@ -238,17 +240,17 @@ class _Task:
         weighed = weighed.with_noise(weighed.likeliest(pull, spread_of))
         sums = Sums.of(weighed)
         told = self.by_evidence(sums, variance, _SIZES[1])
-        return self.fit(weighed, sums, range(len(self.free)), *told)
+        return self.judged(weighed, sums, range(len(self.free)), *told)
 
-    def fit(
+    def judged(
         self,
         weighed: Weighed,
         sums: Sums,
         columns: Sequence[int],
         step: NDArray,
         variance: dict[str, float],
-    ) -> EffectFit:
-        """Return the fit of a step and variances.
+    ) -> "_Judged":
+        """Return a step and variances with their evidence.
 
         Args:
             weighed: About the body, of all columns there are.
@@ -259,22 +261,26 @@ class _Task:
         """
         deviance = weighed.log_determinant + sums.missed(step)
         asked = sum(effect not in self.known for effect in self.member)
-        reduced = sums.reduced(self.member, self.share)
-        cost = self.occam(reduced, step, variance) + asked * np.log(weighed.coordinates)
+        cost = self.occam(sums.reduced(self.member, self.share), step, variance)
+        cost += asked * np.log(weighed.coordinates)
+        return _Judged(weighed, sums, columns, step, variance, deviance + cost)
+
+    def whole(self, judged: "_Judged") -> EffectFit:
+        """Return a fit with all that is told of it."""
         return EffectFit(
             self.parameters,
             self.free,
-            step,
+            judged.step,
             self.groups,
             self.beforehand.means,
-            variance,
+            judged.variance,
             frozenset(self.known),
             self.beforehand.shares,
-            reduced.solve(self.start, variance)[0],
-            weighed.noise,
-            deviance + cost,
-            self.without_folds(weighed, sums, columns, variance),
-            weighed.pose,
+            judged.sums.reduced(self.member, self.share).solve(self.start, judged.variance)[0],
+            judged.weighed.noise,
+            judged.evidence,
+            self.without_folds(judged),
+            judged.weighed.pose,
         )
 
     def by_evidence(self, sums: Sums, begin: Mapping[str, float], size: float) -> _Told:
@@ -322,14 +328,25 @@ class _Task:
         total = (self.start + step)[own]
         return cost + float(np.sum(total**2 / v))
 
-    def without_folds(
-        self, weighed: Weighed, sums: Sums, columns: Sequence[int], variance: Mapping[str, float]
-    ) -> NDArray:
+    def without_folds(self, judged: "_Judged") -> NDArray:
         """Return errors of rows that count, each predicted without its fold of poses. (K,)."""
+        weighed, columns = judged.weighed, list(judged.columns)
         fold = fold_of(weighed.pose)
-        errors, whole = np.zeros(len(fold)), np.zeros(len(weighed.free))
+        errors, step = np.zeros(len(fold)), np.zeros(len(weighed.free))
         for k, (_, left) in enumerate(splits(fold)):
-            reduced = sums.without(k).reduced(self.member, self.share)
-            whole[list(columns)] = reduced.whole(reduced.solve(self.start, variance)[1])
-            errors[left] = weighed.errors(whole, left)
+            reduced = judged.sums.without(k).reduced(self.member, self.share)
+            step[columns] = reduced.whole(reduced.solve(self.start, judged.variance)[1])
+            errors[left] = weighed.errors(step, left)
         return errors
+
+
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """A step and variances, with their evidence: see `_Task.judged`."""
+
+    weighed: Weighed
+    sums: Sums
+    columns: Sequence[int]
+    step: NDArray
+    variance: dict[str, float]
+    evidence: float
