@@ -14,14 +14,27 @@ def inverse_and_log_determinant(matrices: NDArray) -> tuple[NDArray, NDArray]:
         Inverses, shape (N, n, n), and the logarithms of the determinants, shape (N,).
     """
     A = np.array(np.moveaxis(matrices, 0, -1), order="C")
-    log = np.zeros(A.shape[-1])
+    log = invert_along(A)
+    return np.ascontiguousarray(np.moveaxis(A, -1, 0)), log
+
+
+def invert_along(A: NDArray) -> NDArray:
+    """Invert symmetric positive definite matrices in place, laid along the last axes.
+
+    Args:
+        A: Shape (n, n, ...); becomes the inverses.
+
+    Returns:
+        Logarithms of the determinants. Shape (...).
+    """
+    log = np.zeros(A.shape[2:])
     for k in range(len(A)):
         pivot, column = A[k, k].copy(), A[:, k].copy()
         row = A[k] / pivot
         A -= column[:, None] * row
         A[k], A[:, k], A[k, k] = row, -column / pivot, 1.0 / pivot
         log += np.log(pivot)
-    return np.ascontiguousarray(np.moveaxis(A, -1, 0)), log
+    return log
 
 
 def whitening_core(G: NDArray) -> NDArray:

@@ -7,6 +7,7 @@ with z as the joint's axis.
 """
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,9 @@ from nico_selfmodel.geometry.rotation import rotation_about
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.arm.dh_table import DhTable
-from nico_selfmodel.plant.description import ArmDescription
+
+if TYPE_CHECKING:
+    from nico_selfmodel.plant.description import ArmDescription
 
 ON_THE_AXIS = 1e-3
 """A tracked point nearer to the last axis than this [m] says nothing of the last link's turn."""
@@ -51,7 +54,7 @@ class LearnedFrames:
         return replace(self, X_PF=self.X_PF @ X_FN @ bearings @ inverse(X_FN))
 
 
-def learned_frames(arm: ArmDescription, chain: Chain) -> LearnedFrames:
+def learned_frames(arm: "ArmDescription", chain: Chain) -> LearnedFrames:
     """Lay a chain over the links of a robot.
 
     Nothing measured says where the links are along and around their joints' axes; they stay where
@@ -105,7 +108,7 @@ def comparable_tables(nominal: Chain, learned: Chain) -> tuple[DhTable, DhTable]
     return table, DhTable.from_chain(_with_first(learned, first_learned), like=table)
 
 
-def nominal_frames(arm: ArmDescription, learned: Chain) -> LearnedFrames:
+def nominal_frames(arm: "ArmDescription", learned: Chain) -> LearnedFrames:
     """Return what `learned_frames` makes of the description itself, to compare with `learned`."""
     return learned_frames(arm, _with_first(arm.chain, _shared_point(arm.chain, learned)[0]))
 
@@ -122,7 +125,7 @@ def _with_first(chain: Chain, marker: str) -> Chain:
     return replace(chain, markers=tuple(order), p_WH_zero=chain.p_WH_zero[rows])
 
 
-def _hand_rotations(arm: ArmDescription, markers: tuple[str, ...]) -> NDArray:
+def _hand_rotations(arm: "ArmDescription", markers: tuple[str, ...]) -> NDArray:
     """Return the nominal orientations of the markers' frames in the tip link. Shape (m, 3, 3)."""
     nominal = dict(zip(arm.markers, inverse(arm.links.X_BT) @ arm.links.X_BH, strict=True))
     return np.stack([nominal.get(marker, np.eye(4))[:3, :3] for marker in markers])

@@ -26,6 +26,7 @@ from nico_selfmodel.plant.frames import (
 from nico_selfmodel.plant.kinematic_tree import WORLD, KinematicTree
 from nico_selfmodel.plant.learned_frames import LearnedFrames, learned_frames
 from nico_selfmodel.plant.model_in_plant import ModelInPlant, check_open, parent_frame
+from nico_selfmodel.plant.urdf_document import hand_frame_name
 
 TIME_STEP = 1e-3
 """Of a plant that is made here [s].
@@ -254,8 +255,3 @@ class SelfModelPlant(ModelInPlant):
 def _hands(name: str) -> str:
     """Return the model instance of the frames of a robot's tracked points."""
     return f"{name}::self_model"
-
-
-def hand_frame_name(marker: str) -> str:
-    """Return the name of a tracked point's frame, in the plant and in an exported URDF."""
-    return f"hand_{marker}"

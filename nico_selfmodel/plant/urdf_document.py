@@ -217,3 +217,8 @@ def _numbers(text: str) -> NDArray:
     if numbers.shape != (3,):
         raise ModelError(f"expected three numbers in a URDF's origin, got {text!r}")
     return numbers
+
+
+def hand_frame_name(marker: str) -> str:
+    """Return the name of a tracked point's frame, in the plant and in an exported URDF."""
+    return f"hand_{marker}"

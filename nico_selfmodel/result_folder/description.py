@@ -3,12 +3,15 @@
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 from xml.dom.minidom import Element
 
 from nico_selfmodel.files.reading import real_path
-from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.plant.robots import ROBOTS
 from nico_selfmodel.plant.urdf_document import document_text, read_document, robot_element
+
+if TYPE_CHECKING:
+    from nico_selfmodel.plant import ArmDescription
 
 FOLDER = "robot"
 """Folder within the result folder: the robot's URDF, and the files it names by a path."""
@@ -17,7 +20,7 @@ _COMPANIONS = (".mtl", ".bin")
 """Ends of files beside a mesh, of the same name, without which it is not whole."""
 
 
-def kept_description(robot: ArmDescription | None, folder: Path) -> ArmDescription | None:
+def kept_description(robot: "ArmDescription | None", folder: Path) -> "ArmDescription | None":
     """Copy a robot's URDF and its meshes into a folder; return the description that lies there.
 
     A robot that this package ships is found by its name everywhere, and stays where it is. So do

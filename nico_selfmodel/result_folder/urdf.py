@@ -2,14 +2,20 @@
 
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.plant import ArmDescription, learned_urdf
+from nico_selfmodel.plant import learned_urdf
+
+if TYPE_CHECKING:
+    from nico_selfmodel.plant import ArmDescription
 
 _LONGEST_NAME = 200  # of a robot in that of a file [bytes]
 
 
-def urdf_file(model: SelfModel, folder: str | Path, robot: ArmDescription | None) -> dict[str, str]:
+def urdf_file(
+    model: SelfModel, folder: str | Path, robot: "ArmDescription | None"
+) -> dict[str, str]:
     """Return the URDF of a model's arm as a file of its result folder.
 
     Args:

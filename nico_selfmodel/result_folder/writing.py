@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.body_folder import save_body_dataset
@@ -16,9 +16,11 @@ from nico_selfmodel.model.self_model_file import save_model
 from nico_selfmodel.model.shape.link_shape import BodyShape
 from nico_selfmodel.model.shape.shape_folder import FOLDER, save_shape
 from nico_selfmodel.model.tree.body_model import BODY_FILE, BodyModel, save_body
-from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.result_folder.description import kept_description
 from nico_selfmodel.result_folder.urdf import urdf_file
+
+if TYPE_CHECKING:
+    from nico_selfmodel.plant import ArmDescription
 
 
 def write_result(
@@ -28,7 +30,7 @@ def write_result(
     texts: Mapping[str, str] | None = None,
     recordings: Mapping[str, Dataset | BodyDataset] | None = None,
     *,
-    robot: ArmDescription | None = None,
+    robot: "ArmDescription | None" = None,
     shape: BodyShape | None = None,
     force: bool = False,
 ) -> Path:
@@ -80,10 +82,14 @@ def _save_recording(dataset: Dataset | BodyDataset, folder: Path) -> None:
 
 
 def _save_with_robot(
-    model: SelfModel, folder: Path, robot: ArmDescription | None
+    model: SelfModel, folder: Path, robot: "ArmDescription | None"
 ) -> dict[str, str]:
     """Write a self-model and its robot's description; return its URDF as a further file."""
-    robot = kept_description(ArmDescription.of_model(model) if robot is None else robot, folder)
+    if robot is None and model.robot:
+        from nico_selfmodel.plant import ArmDescription  # loads Drake's plant, for robots alone
+
+        robot = ArmDescription.of_model(model)
+    robot = kept_description(robot, folder)
     if robot is not None and model.robot:
         model = replace(model, robot={**model.robot, "urdf": robot.robot})
     save_model(model, folder / "self_model.yaml")

@@ -50,11 +50,12 @@ class ArmTask:
         Returns:
             Name of the self-model, and what is in its `result.json`.
         """
+        from nico_selfmodel.estimation.arm.arm_result import arm_result
         from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
         from nico_selfmodel.estimation.bending.what_bends import effects_of, up_of
-        from nico_selfmodel.estimation.body.stereo_points import StereoPoints
-        from nico_selfmodel.estimation.judging import judge, result_of, to_json
+        from nico_selfmodel.estimation.results.document import document_of
         from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
+        from nico_selfmodel.estimation.results.judge import verdict_on
         from nico_selfmodel.model.self_model_file import load_model
 
         pins = FixedParameters.from_text(self.fix or (), self.free or ())
@@ -62,6 +63,8 @@ class ArmTask:
         train, held_out = inputs.train_and_test(dataset, self.test, self.test_fraction, self.seed)
         stereo = None
         if self.cameras is not None:
+            from nico_selfmodel.estimation.body.stereo_points import StereoPoints
+
             known = load_model(self.cameras)
             stereo = StereoPoints.of(known, train, held_out, frozenset(pins.pinned))
             train, held_out = stereo.train, stereo.test
@@ -86,11 +89,11 @@ class ArmTask:
         if stereo is not None:
             calibration = stereo.complete(calibration)
         progress("learning", 1, 1)
-        result = result_of(calibration)
+        result = arm_result(calibration)
         if stereo is not None:
             result = stereo.with_pixels(result, calibration.model)
         document = stamped(
-            to_json(result, judge(result, self.require_test_mm)), command=self.command
+            document_of(result, verdict_on(result, self.require_test_mm)), command=self.command
         )
         progress("writing the result", 0, 1)
         report = NoReport(document)

@@ -13,8 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.bending.asked_poses import mean_by_pose
-from nico_selfmodel.estimation.bending.bendable import GEAR, Bendable
-from nico_selfmodel.estimation.bending.effect_fit import DOUBT, Beforehand, EffectFit, fit_effects
+from nico_selfmodel.estimation.bending.bendable import GEAR, Bendable, Posture
+from nico_selfmodel.estimation.bending.effect_fit import (
+    DOUBT,
+    Beforehand,
+    EffectFit,
+    Glance,
+    fit_effects,
+)
 from nico_selfmodel.estimation.bending.implausible import NO_GEAR, gear_fault, implausible, lifts
 from nico_selfmodel.estimation.bending.steps import HIDDEN, STEPS, Step
 from nico_selfmodel.model.arm.bending import (
@@ -32,6 +38,9 @@ _WORTH = 10.0
 """By how much twice the log evidence must rise."""
 _GAIN = 0.01
 """Mean logarithm of the errors' ratio that unseen poses must gain."""
+_NOTHING = 1.0
+"""What an effect of a rigid body explains of twice the log evidence, at the noise of the body
+without it, below which it is asked no further: what explains nothing leaves the noise as it is."""
 _GEARS_DO = "gears that are a little off explain it better"
 _PIVOTS = 1.0
 """Standard deviation of a bearing's place on its axis, as a part of the rms of loads: it may be
@@ -62,6 +71,7 @@ class Climber:
         self.parameters, self.noise = body.posture, body.noise
         self.first: EffectFit | None = None
         self.fit: EffectFit | None = None
+        self.glance: Glance | None = None
 
     def climb(self, asked: Sequence[str]) -> list[Step]:
         """Try one effect after the other, and again those that others may have hidden.
@@ -95,6 +105,11 @@ class Climber:
             self.first = self._fitted((), self.still)
         before = self.first if self.fit is None else self.fit
         wanted = (*self.kept, effect)
+        if not self.kept:
+            seen = self._at_a_glance(effect, before.noise)
+            told = np.log(self._wide(before.noise).weighed.coordinates)
+            if before.evidence - seen.evidence + told < _NOTHING:
+                return self._judged(effect, before, seen)
         if effect == SAG and BEARING not in self.kept:
             candidates = [self._upright(wanted, replace(self.still, up=up)) for up, _ in self.ups]
             after = min(candidates, key=lambda fit: fit.evidence)
@@ -150,17 +165,45 @@ class Climber:
 
     def _fitted(self, effects: tuple[str, ...], bending: Bending) -> EffectFit:
         """Return the fit of some effects about the arm so far."""
+        begin = {} if self.fit is None else self.fit.variance
+        return fit_effects(self.body, *self._question(effects, bending), begin, self.noise)
+
+    def _question(
+        self, effects: tuple[str, ...], bending: Bending
+    ) -> tuple[Posture, dict[str, tuple[str, ...]], Beforehand]:
+        """Return what a fit of some effects is about, their numbers, and what is known of them."""
         known = {LOADS: self.known[LOADS]} if {SAG, BEARING} & set(effects) else {}
         known |= {PIVOTS: self.known[PIVOTS]} if BEARING in effects else {}
         effects = (*effects, *known)
         bending = bending.with_effects(*(effect for effect in effects if effect in PARTS))
-        parameters = self.parameters.with_bending(bending)
         body = self.body
         groups = {e: body.names_of(bending, e) if e in PARTS else self.gears for e in effects}
         means = dict.fromkeys(self.gears, 1.0) | self.rods
-        begin = {} if self.fit is None else self.fit.variance
         beforehand = Beforehand(means, known, self.shares, self.doubt, self.probable)
-        return fit_effects(body, parameters, groups, beforehand, begin, self.noise)
+        return self.parameters.with_bending(bending), groups, beforehand
+
+    def _at_a_glance(self, effect: str, noise: Any) -> EffectFit:
+        """Return the likeliest fit of one effect of a rigid body at its noise."""
+        found = []
+        for up, _ in self.ups if effect == SAG else self.ups[:1]:
+            question = self._question((effect,), replace(self.still, up=up))
+            if up is self.ups[0][0]:
+                glance = self._wide(noise)
+            else:
+                names = [name for group in question[1].values() for name in group]
+                glance = Glance.at(self.body, question[0], names, noise)
+            found.append(glance.fit(self.body, *question))
+        return min(found, key=lambda fit: fit.evidence)
+
+    def _wide(self, noise: Any) -> Glance:
+        """Return all effects of a rigid body, weighed once."""
+        if self.glance is None:
+            told = [effect for effect in PARTS if self._may_be(effect)]
+            bending = self.still.with_effects(*told)
+            names = [name for effect in told for name in self.body.names_of(bending, effect)]
+            parameters = self.parameters.with_bending(bending)
+            self.glance = Glance.at(self.body, parameters, [*names, *self.gears], noise)
+        return self.glance
 
     def _again(self, fit: EffectFit) -> EffectFit:
         """Return the same fit about where it ended: one step of a large effect is not enough."""

@@ -15,7 +15,7 @@ so that an effect whose numbers nothing tells costs one number, v. Counting its 
 (BIC) keeps couplings from real arms that gain a tenth by them, and ripples from simulated ones.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.bending.bendable import Bendable, Posture, Weighed
+from nico_selfmodel.estimation.bending.effect_sums import Reduced, Sums
 from nico_selfmodel.estimation.noise.arm_solution import Priors
 from nico_selfmodel.estimation.results.folds import fold_of, splits
 
@@ -138,27 +139,54 @@ def fit_effects(
             begin large and small, for two effects that look alike have two answers.
         noise: Where the search for it begins.
     """
-    wanted = set(body.free).union(*groups.values())
-    free = tuple(n for n in parameters.names if n in wanted)
-    member = {e: np.array([free.index(n) for n in names], dtype=int) for e, names in groups.items()}
-    index = {name: i for i, name in enumerate(parameters.names)}
-    now = parameters.values[[index[n] for n in free]]
-    means, known = beforehand.means, beforehand.variance
-    start = now - np.array([means.get(n, 0.0) for n in free])
-    share = np.array([beforehand.shares.get(n, 1.0) for n in free])
-    task = _Task(free, member, start, share, beforehand)
-    weighed = body.weighed(parameters, free, noise)
-    fits = []
-    for told in task.starts(weighed, begin):
-        found = task.fitted(weighed, *told)
-        about = parameters, free, found[0], groups, means, found[1], frozenset(known)
-        fits.append(EffectFit(*about, beforehand.shares, *found[2:], weighed.pose))
-    return min(fits, key=lambda fit: fit.evidence)
+    task = _Task.of(body, parameters, groups, beforehand)
+    weighed = body.weighed(parameters, task.free, noise)
+    fits = [task.at_its_noise(weighed, *told) for told in task.starts(Sums.of(weighed), begin)]
+    return task.whole(min(fits, key=lambda fit: fit.evidence))
+
+
+@dataclass(frozen=True, eq=False)
+class Glance:
+    """A rigid body and all that may bend in it, weighed once, at the noise of a fit before."""
+
+    weighed: Weighed
+    sums: Sums
+
+    @classmethod
+    def at(cls, body: Bendable, parameters: Posture, free: Collection[str], noise: Any) -> "Glance":
+        """Weigh.
+
+        Args:
+            body: What was measured, and what is rigid in it.
+            parameters: The body; its `bending` has what may be asked.
+            free: Names of all numbers that may be asked.
+            noise: Which stays.
+        """
+        wanted = set(body.free) | set(free)
+        names = tuple(name for name in parameters.names if name in wanted)
+        weighed = body.weighed(parameters, names, noise)
+        return cls(weighed, Sums.of(weighed))
+
+    def fit(
+        self,
+        body: Bendable,
+        parameters: Posture,
+        groups: Mapping[str, tuple[str, ...]],
+        beforehand: Beforehand,
+    ) -> EffectFit:
+        """Return what `fit_effects` would where the noise stayed as it is."""
+        task = _Task.of(body, parameters, groups, beforehand)
+        columns = [self.weighed.free.index(name) for name in task.free]
+        sums = self.sums.part(columns)
+        fits = [task.judged(self.weighed, sums, columns, *told) for told in task.starts(sums, {})]
+        return task.whole(min(fits, key=lambda fit: fit.evidence))
 
 
 @dataclass(frozen=True, eq=False)
 class _Task:
+    parameters: Posture
     free: tuple[str, ...]
+    groups: Mapping[str, tuple[str, ...]]
     member: Mapping[str, NDArray]
     start: NDArray
     """What each column's number is now, above the value at which it has no effect. Shape (k,)."""
@@ -166,15 +194,32 @@ class _Task:
     """Prior variance of each column's number, as a multiple of its effect's. Shape (k,)."""
     beforehand: Beforehand
 
+    @classmethod
+    def of(
+        cls,
+        body: Bendable,
+        parameters: Posture,
+        groups: Mapping[str, tuple[str, ...]],
+        beforehand: Beforehand,
+    ) -> "_Task":
+        wanted = set(body.free).union(*groups.values())
+        free = tuple(n for n in parameters.names if n in wanted)
+        place = {name: i for i, name in enumerate(free)}
+        member = {e: np.array([place[n] for n in names], dtype=int) for e, names in groups.items()}
+        index = {name: i for i, name in enumerate(parameters.names)}
+        now = parameters.values[[index[n] for n in free]]
+        start = now - np.array([beforehand.means.get(n, 0.0) for n in free])
+        share = np.array([beforehand.shares.get(n, 1.0) for n in free])
+        return cls(parameters, free, groups, member, start, share, beforehand)
+
     @property
     def known(self) -> Mapping[str, float]:
         """Variances that are not learned."""
         return self.beforehand.variance
 
-    def starts(self, weighed: Weighed, begin: Mapping[str, float]) -> list[_Told]:
+    def starts(self, sums: Sums, begin: Mapping[str, float]) -> list[_Told]:
         """Return the answers, by evidence, of effects that begin large and small; one if alike."""
         new = set(self.member) - set(self.known) - set(begin)
-        sums = _Sums.of(weighed)
         large, *small = (
             self.by_evidence(sums, begin, size) for size in (_SIZES if new else _SIZES[:1])
         )
@@ -185,27 +230,60 @@ class _Task:
         ]
         return [large, *others]
 
-    def fitted(
+    def at_its_noise(
         self, weighed: Weighed, step: NDArray, variance: dict[str, float]
-    ) -> tuple[NDArray, dict[str, float], NDArray, Any, float, NDArray]:
-        """Return step, variances, spread, noise, evidence and the errors of rows left out."""
+    ) -> "_Judged":
+        """Return the fit at the noise that is left."""
         pull, spread_of = np.zeros(len(self.free)), np.full(len(self.free), np.inf)
         for effect, own in self.member.items():
             pull[own], spread_of[own] = -self.start[own], variance[effect] * self.share[own]
-        noise = weighed.likeliest(pull, spread_of)
-        weighed = weighed.with_noise(noise)
-        sums = _Sums.of(weighed)
-        step, variance = self.by_evidence(sums, variance, _SIZES[1])
-        left = weighed.u - weighed.U @ step
-        deviance = weighed.log_determinant + float(left @ left)
-        asked = sum(effect not in self.known for effect in self.member)
-        reduced = sums.reduced(self.member, self.share)
-        cost = self.occam(reduced, step, variance) + asked * np.log(weighed.coordinates)
-        spread = reduced.solve(self.start, variance)[0]
-        unseen = self.without_folds(weighed, sums, variance)
-        return step, variance, spread, noise, deviance + cost, unseen
+        weighed = weighed.with_noise(weighed.likeliest(pull, spread_of))
+        sums = Sums.of(weighed)
+        told = self.by_evidence(sums, variance, _SIZES[1])
+        return self.judged(weighed, sums, range(len(self.free)), *told)
 
-    def by_evidence(self, sums: "_Sums", begin: Mapping[str, float], size: float) -> _Told:
+    def judged(
+        self,
+        weighed: Weighed,
+        sums: Sums,
+        columns: Sequence[int],
+        step: NDArray,
+        variance: dict[str, float],
+    ) -> "_Judged":
+        """Return a step and variances with their evidence.
+
+        Args:
+            weighed: About the body, of all columns there are.
+            sums: Of those of this task.
+            columns: Which they are.
+            step: Of them.
+            variance: Of each effect's numbers.
+        """
+        deviance = weighed.log_determinant + sums.missed(step)
+        asked = sum(effect not in self.known for effect in self.member)
+        cost = self.occam(sums.reduced(self.member, self.share), step, variance)
+        cost += asked * np.log(weighed.coordinates)
+        return _Judged(weighed, sums, columns, step, variance, deviance + cost)
+
+    def whole(self, judged: "_Judged") -> EffectFit:
+        """Return a fit with all that is told of it."""
+        return EffectFit(
+            self.parameters,
+            self.free,
+            judged.step,
+            self.groups,
+            self.beforehand.means,
+            judged.variance,
+            frozenset(self.known),
+            self.beforehand.shares,
+            judged.sums.reduced(self.member, self.share).solve(self.start, judged.variance)[0],
+            judged.weighed.noise,
+            judged.evidence,
+            self.without_folds(judged),
+            judged.weighed.pose,
+        )
+
+    def by_evidence(self, sums: Sums, begin: Mapping[str, float], size: float) -> _Told:
         """Return the step and the variances."""
         reduced = sums.reduced(self.member, self.share)
         hidden = {e: sums.hidden(own) for e, own in self.member.items()}
@@ -230,7 +308,7 @@ class _Task:
                 break
         return reduced.whole(reduced.solve(self.start, found)[1]), found
 
-    def occam(self, reduced: "_Reduced", step: NDArray, variance: Mapping[str, float]) -> float:
+    def occam(self, reduced: Reduced, step: NDArray, variance: Mapping[str, float]) -> float:
         """Return what the effects cost: w'V^-1 w + log|I + V H|, H what the rest leaves of them.
 
         An effect whose numbers nothing tells costs nothing; one that is told, the logarithm of how
@@ -250,109 +328,25 @@ class _Task:
         total = (self.start + step)[own]
         return cost + float(np.sum(total**2 / v))
 
-    def without_folds(
-        self, weighed: Weighed, sums: "_Sums", variance: Mapping[str, float]
-    ) -> NDArray:
+    def without_folds(self, judged: "_Judged") -> NDArray:
         """Return errors of rows that count, each predicted without its fold of poses. (K,)."""
-        U, u, fold = weighed.U, weighed.u, fold_of(weighed.pose)
-        of_coordinate = np.where(weighed.row < 0, -1, fold[weighed.row])
-        errors = np.zeros(len(fold))
+        weighed, columns = judged.weighed, list(judged.columns)
+        fold = fold_of(weighed.pose)
+        errors, step = np.zeros(len(fold)), np.zeros(len(weighed.free))
         for k, (_, left) in enumerate(splits(fold)):
-            out = of_coordinate == k
-            reduced = sums.without(U[out], u[out]).reduced(self.member, self.share)
-            step = reduced.whole(reduced.solve(self.start, variance)[1])
+            reduced = judged.sums.without(k).reduced(self.member, self.share)
+            step[columns] = reduced.whole(reduced.solve(self.start, judged.variance)[1])
             errors[left] = weighed.errors(step, left)
         return errors
 
 
 @dataclass(frozen=True, eq=False)
-class _Sums:
-    """Normal equations of all columns."""
+class _Judged:
+    """A step and variances, with their evidence: see `_Task.judged`."""
 
-    H: NDArray
-    """U'U. Shape (k, k)."""
-    g: NDArray
-    """U'u. Shape (k,)."""
-    count: int
-    """Rows of U."""
-
-    @classmethod
-    def of(cls, weighed: Weighed) -> "_Sums":
-        return cls(weighed.U.T @ weighed.U, weighed.U.T @ weighed.u, len(weighed.u))
-
-    def without(self, U: NDArray, u: NDArray) -> "_Sums":
-        """Return those of the other rows."""
-        return _Sums(self.H - U.T @ U, self.g - U.T @ u, self.count - len(u))
-
-    def reduced(self, member: Mapping[str, NDArray], share: NDArray) -> "_Reduced":
-        """Return those of the effects alone."""
-        return _Reduced.of(self.H, self.g, member, share)
-
-    def hidden(self, own: NDArray) -> float:
-        """Return the variance at which an effect would be as large as the noise, 0 if none."""
-        told = float(np.trace(self.H[np.ix_(own, own)]))
-        return self.count / told if told > _LEAST * self.count else 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class _Reduced:
-    """Normal equations of the effects alone, what the rigid parameters would do taken out."""
-
-    rigid: NDArray
-    """Columns of the rigid parameters. Shape (r,)."""
-    effects: NDArray
-    """Columns of the effects. Shape (e,)."""
-    member: Mapping[str, NDArray]
-    """Where each effect's numbers are among those of the effects."""
-    share: NDArray
-    """Prior variance of each number, as a multiple of its effect's. Shape (e,)."""
-    S: NDArray
-    """H_ee - H_er H_rr^-1 H_re. Shape (e, e)."""
-    s: NDArray
-    """g_e - H_er H_rr^-1 g_r. Shape (e,)."""
-    gain: NDArray
-    """H_rr^-1 H_re. Shape (r, e)."""
-    alone: NDArray
-    """H_rr^-1 g_r. Shape (r,)."""
-
-    @classmethod
-    def of(
-        cls, H: NDArray, g: NDArray, member: Mapping[str, NDArray], share: NDArray
-    ) -> "_Reduced":
-        effects = np.concatenate([np.zeros(0, dtype=int), *member.values()])
-        rigid = np.delete(np.arange(len(g)), effects)
-        A = H[np.ix_(rigid, rigid)]
-        size = np.sqrt(np.maximum(np.diag(A), np.finfo(float).tiny))
-        units = np.outer(size, size)
-        inverse = np.linalg.pinv(A / units, rcond=1e-11, hermitian=True) / units
-        across = H[np.ix_(rigid, effects)]
-        gain, alone = inverse @ across, inverse @ g[rigid]
-        ends = np.cumsum([0, *(len(own) for own in member.values())])
-        places = {e: np.arange(a, b) for e, a, b in zip(member, ends[:-1], ends[1:], strict=True)}
-        S, s = H[np.ix_(effects, effects)] - across.T @ gain, g[effects] - across.T @ alone
-        return cls(rigid, effects, places, share[effects], S, s, gain, alone)
-
-    def solve(self, start: NDArray, variance: Mapping[str, float]) -> tuple[NDArray, NDArray]:
-        """Return covariance and step of the effects; those that are gone go back to nothing.
-
-        Args:
-            start: What each column's number is now, above no effect. Shape (r + e,).
-            variance: Of each effect's numbers; 0 where it is gone.
-        """
-        now = start[self.effects]
-        v = np.concatenate([variance[e] * self.share[p] for e, p in self.member.items()] or [now])
-        there = v > 0.0
-        step, C = np.where(there, 0.0, -now), np.zeros_like(self.S)
-        if there.any():
-            root = np.sqrt(v[there])
-            inside = self.S[np.ix_(there, there)] * np.outer(root, root) + np.eye(len(root))
-            own = np.linalg.inv(inside) * np.outer(root, root)
-            right = (self.s - self.S @ step)[there] - now[there] / v[there]
-            C[np.ix_(there, there)], step[there] = own, own @ right
-        return C, step
-
-    def whole(self, step: NDArray) -> NDArray:
-        """Return the step of all columns from that of the effects. Shape (r + e,)."""
-        out = np.zeros(len(self.rigid) + len(self.effects))
-        out[self.effects], out[self.rigid] = step, self.alone - self.gain @ step
-        return out
+    weighed: Weighed
+    sums: Sums
+    columns: Sequence[int]
+    step: NDArray
+    variance: dict[str, float]
+    evidence: float

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.hand_noise import HandNoise
 from nico_selfmodel.estimation.noise.mixture_density import core_and_tail
-from nico_selfmodel.geometry.small_matrices import inverse_and_log_determinant
+from nico_selfmodel.geometry.small_matrices import invert_along
 from nico_selfmodel.model.noise_mixture import LARGEST_JOINT, LARGEST_SHARE, NoiseMixture
 
 _WIDER = 4.0
@@ -34,24 +34,32 @@ _ROUNDS, _TOLERANCE = 300, 1e-4
 
 @dataclass(frozen=True, eq=False)
 class _Poses:
-    """What a mixture is fitted to."""
+    """What a mixture is fitted to, laid along the poses."""
 
     residuals: NDArray
-    """Shape (N, K)."""
+    """Shape (K, N)."""
     levers: NDArray
-    """A A', zero where not measured. Shape (N, K, K)."""
+    """A A', zero where not measured. Shape (K, K, N)."""
     fitted: NDArray
-    """M, likewise. Shape (N, K, K)."""
+    """M, likewise. Shape (K, K, N)."""
     seen: NDArray
-    """Shape (N, K)."""
+    """Shape (K, N)."""
     spread: float
     """Standard deviation of a coordinate that has nothing to do with the hand [m or px]."""
 
-    def whole(self, noise: HandNoise) -> NDArray:
-        """Return S + M, the unit matrix where nothing was measured. Shape (N, K, K)."""
-        own = np.where(self.seen, noise.sensor_sigma**2, 1.0)
-        sensor = np.eye(self.seen.shape[1]) * own[:, None]
-        return sensor + noise.joint_sigma**2 * self.levers + self.fitted
+    @property
+    def dof(self) -> NDArray:
+        """How many coordinates of each pose were measured. Shape (N,)."""
+        return self.seen.sum(axis=0)
+
+    def whole(self, parts: tuple[HandNoise, HandNoise]) -> NDArray:
+        """Return S + M, the unit matrix where nothing was measured. Shape (K, K, 2, N)."""
+        joint = np.array([[part.joint_sigma**2] for part in parts])
+        sensor = np.array([[part.sensor_sigma**2] for part in parts])
+        out = self.levers[:, :, None] * joint + self.fitted[:, :, None]
+        for i, seen in enumerate(self.seen):
+            out[i, i] += np.where(seen, sensor, 1.0)
+        return out
 
 
 def most_likely_mixture(
@@ -82,11 +90,21 @@ def most_likely_mixture(
         raise ValueError("no pose, no noise: at least one coordinate must be measured")
     both = seen[:, :, None] & seen[:, None, :]
     levers = np.where(both, by_angle @ np.swapaxes(by_angle, 1, 2), 0.0)
-    own = np.where(seen, residuals, 0.0)
-    poses = _Poses(own, levers, np.where(both, fitted, 0.0), seen, spread)
+    poses = _Poses(
+        _along(np.where(seen, residuals, 0.0)),
+        _along(levers),
+        _along(np.where(both, fitted, 0.0)),
+        _along(seen),
+        spread,
+    )
     found = [_climbed(poses, _start(poses, wider, limits), limits, _FIRST) for wider in _STARTS]
     _, best = max(found, key=lambda pair: pair[0])
     return _climbed(poses, best, limits, _ROUNDS)[1]
+
+
+def _along(array: NDArray) -> NDArray:
+    """Return an array whose first axis, the poses, is the last and contiguous."""
+    return np.array(np.moveaxis(array, 0, -1), order="C")
 
 
 def _climbed(
@@ -104,9 +122,9 @@ def _climbed(
 
 def _start(poses: _Poses, wider: float, limits: tuple[float, float]) -> NoiseMixture:
     """Lay half of the middle squares to the sensor and half to the joints."""
-    squares = np.sum(poses.residuals**2, axis=1) / np.maximum(poses.seen.sum(axis=1), 1)
+    squares = np.sum(poses.residuals**2, axis=0) / np.maximum(poses.dof, 1)
     half = 0.5 * float(np.median(squares))
-    lever = float(np.trace(poses.levers, axis1=1, axis2=2).sum() / poses.seen.sum())
+    lever = float(np.einsum("iin->", poses.levers) / poses.seen.sum())
     sensor = np.clip(np.sqrt(half), *limits)
     joint = min(np.sqrt(half / lever) if lever > 0.0 else 0.0, LARGEST_JOINT)
     core = HandNoise(float(sensor), float(joint))
@@ -118,48 +136,56 @@ def _round(
     poses: _Poses, noise: NoiseMixture, limits: tuple[float, float]
 ) -> tuple[float, NoiseMixture]:
     """Return the logarithm of the likelihood, and the mixture after one round."""
-    inverted = [inverse_and_log_determinant(poses.whole(part)) for part in core_and_tail(noise)]
-    likelihood, chances = _chances(poses, inverted, noise)
-    core, tail = (
-        _moved(poses, part, own, g)
-        for part, (own, _), g in zip(core_and_tail(noise), inverted, chances, strict=True)
-    )
-    count, noisy = len(poses.residuals), float(chances.sum())
+    parts = core_and_tail(noise)
+    inverse = poses.whole(parts)
+    log = invert_along(inverse)
+    w = np.einsum("ijcn,jn->icn", inverse, poses.residuals)
+    squares = np.einsum("icn,in->cn", w, poses.residuals)
+    likelihood, chances = _chances(poses, squares, log, noise)
+    core, tail = _moved(poses, parts, w, inverse, chances)
+    count, noisy = len(log[0]), float(chances.sum())
     share = (float(chances[1].sum()) + _PRIOR_TAIL) / (noisy + _PRIOR)
     false = (count - noisy + _PRIOR_FALSE) / (count + 1.0)
     return likelihood, _mixture(core, tail, (share, false), count, limits)
 
 
 def _chances(
-    poses: _Poses, inverted: list[tuple[NDArray, NDArray]], noise: NoiseMixture
+    poses: _Poses, squares: NDArray, log: NDArray, noise: NoiseMixture
 ) -> tuple[float, NDArray]:
     """Return the likelihood's logarithm, and each pose's chance of core and tail. Shape (2, N)."""
-    r, dof = poses.residuals, poses.seen.sum(axis=1)
-    squares = np.stack([_squares(own, r) for own, _ in inverted])
-    scale = -0.5 * np.stack([log for _, log in inverted])
-    false = -0.5 * np.sum(r * r, axis=1) / poses.spread**2 - dof * np.log(poses.spread)
+    r = poses.residuals
+    false = -0.5 * np.sum(r * r, axis=0) / poses.spread**2 - poses.dof * np.log(poses.spread)
     false = false + np.log(noise.outlier_share)
     noisy = 1.0 - noise.outlier_share
     share = np.log([noisy * (1.0 - noise.tail_share), noisy * noise.tail_share])
-    logs = np.stack([*(share[:, None] + scale - 0.5 * squares), false])
+    logs = np.stack([*(share[:, None] - 0.5 * log - 0.5 * squares), false])
     total = np.logaddexp.reduce(logs)
     return float(total.sum()), np.exp(logs - total)[:2]
 
 
-def _moved(poses: _Poses, noise: HandNoise, inverse: NDArray, chance: NDArray) -> HandNoise:
-    """Return a component after one step of both variances."""
-    w = np.where(poses.seen, (inverse @ poses.residuals[:, :, None])[:, :, 0], 0.0)
-    own = np.where(poses.seen, np.diagonal(inverse, axis1=1, axis2=2), 0.0)
-    sensor = _ratio(chance @ np.sum(w * w, axis=1), chance @ own.sum(axis=1))
-    pulled = _squares(poses.levers, w)
-    expected = np.einsum("nij,nij->n", inverse, poses.levers)
-    joint = _ratio(float(chance @ pulled), float(chance @ expected))
-    return HandNoise(sensor * noise.sensor_sigma, joint * noise.joint_sigma)
+def _moved(
+    poses: _Poses, parts: tuple[HandNoise, HandNoise], w: NDArray, inverse: NDArray, chance: NDArray
+) -> list[HandNoise]:
+    """Return the components after one step of both variances.
 
-
-def _squares(matrices: NDArray, r: NDArray) -> NDArray:
-    """Return r' A r of each pose. Shape (N,)."""
-    return np.sum(np.einsum("nij,nj->ni", matrices, r) * r, axis=1)
+    Args:
+        poses: What they are fitted to.
+        parts: Core and tail.
+        w: S^-1 r of both. Shape (K, 2, N).
+        inverse: S^-1. Shape (K, K, 2, N).
+        chance: Of each pose. Shape (2, N).
+    """
+    w = w * poses.seen[:, None]
+    own = np.einsum("iicn,in->cn", inverse, poses.seen * 1.0)
+    pulled = np.einsum("icn,icn->cn", np.einsum("ijn,jcn->icn", poses.levers, w), w)
+    expected = np.einsum("ijcn,ijn->cn", inverse, poses.levers)
+    sums = [
+        np.sum(chance * each, axis=1) for each in (np.sum(w * w, axis=0), own, pulled, expected)
+    ]
+    return [
+        HandNoise(_ratio(a, b) * part.sensor_sigma, _ratio(c, d) * part.joint_sigma)
+        for part, a, b, c, d in zip(parts, *(each.tolist() for each in sums), strict=True)
+    ]
 
 
 def _ratio(found: float, expected: float) -> float:

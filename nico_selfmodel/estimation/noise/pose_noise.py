@@ -185,13 +185,13 @@ class PoseWhitening:
     def root(self, x: NDArray) -> NDArray:
         """Return W x by pose, W'W = S^-1. Shape (poses, K, m) -> the same."""
         if self._narrow:
-            return self._root @ x / self.noise.sensor_sigma
+            return (self._root / self.noise.sensor_sigma) @ x
         return (x - self.B @ (self._root @ (self._across @ x))) / self.noise.sensor_sigma
 
     def inverse(self, x: NDArray) -> NDArray:
         """Return S^-1 x by pose. Shape (poses, K, m) -> the same."""
         if self._narrow:
-            return self._inverted[0] @ x / self.noise.sensor_sigma**2
+            return (self._inverted[0] / self.noise.sensor_sigma**2) @ x
         less = self.B @ (self.G_inverse @ (self._across @ x))
         return (x - less) / self.noise.sensor_sigma**2
 

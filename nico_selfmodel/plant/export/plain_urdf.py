@@ -10,10 +10,10 @@ from nico_selfmodel.geometry.rotation import tangent_basis
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.plant.self_model_plant import hand_frame_name
 from nico_selfmodel.plant.urdf_document import (
     append,
     append_frame_link,
+    hand_frame_name,
     numbers_text,
     set_origin,
 )

@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 from xml.dom.minidom import Document, Element
 
 import numpy as np
@@ -12,16 +13,15 @@ from nico_selfmodel.files.reading import real_path
 from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.model.arm.bending import EFFECTS
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.plant.description import ArmDescription
 from nico_selfmodel.plant.export.plain_urdf import DENSITY, link_name, plain_document
 from nico_selfmodel.plant.export.shape_urdf import ShapeInUrdf
 from nico_selfmodel.plant.learned_frames import LearnedFrames, learned_frames, nominal_frames
-from nico_selfmodel.plant.self_model_plant import hand_frame_name
 from nico_selfmodel.plant.urdf_document import (
     append_frame_link,
     children,
     comment_text,
     document_text,
+    hand_frame_name,
     lead_files,
     linked,
     origin_of,
@@ -32,6 +32,10 @@ from nico_selfmodel.plant.urdf_document import (
     set_pose,
 )
 
+if TYPE_CHECKING:
+    # It loads Drake's plant, which a robot of spheres and cylinders does not need.
+    from nico_selfmodel.plant.description import ArmDescription
+
 MEASURING_FRAME = "measuring_frame"
 """The link that stands for the measuring frame W."""
 _PARTS = ("visual", "collision", "inertial")
@@ -39,7 +43,7 @@ _PARTS = ("visual", "collision", "inertial")
 
 def learned_urdf(
     model: SelfModel,
-    description: ArmDescription | None = None,
+    description: "ArmDescription | None" = None,
     folder: str | Path | None = None,
     shape: ShapeInUrdf | None = None,
 ) -> str:
@@ -101,7 +105,7 @@ def _rigid_words(model: SelfModel) -> str:
     )
 
 
-def masses_words(model: SelfModel, description: ArmDescription | None) -> str:
+def masses_words(model: SelfModel, description: "ArmDescription | None") -> str:
     """Return which masses of a learned URDF are the robot's own, and which were invented.
 
     Args:
@@ -117,7 +121,7 @@ def masses_words(model: SelfModel, description: ArmDescription | None) -> str:
     )
 
 
-def _edited_document(model: SelfModel, arm: ArmDescription) -> Document:
+def _edited_document(model: SelfModel, arm: "ArmDescription") -> Document:
     """Return the robot's file with the learned chain in it.
 
     A URDF's joint turns its child link's frame itself. So each learned link's frame is put
@@ -148,7 +152,7 @@ def _edited_document(model: SelfModel, arm: ArmDescription) -> Document:
 
 
 def _urdf_frames(
-    arm: ArmDescription, model: SelfModel
+    arm: "ArmDescription", model: SelfModel
 ) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
     """Return learned joint origins, and for each learned link its old frame in its new one.
 
@@ -162,7 +166,7 @@ def _urdf_frames(
     return origins, moved
 
 
-def _move_points(robot: Element, arm: ArmDescription, frames: LearnedFrames) -> None:
+def _move_points(robot: Element, arm: "ArmDescription", frames: LearnedFrames) -> None:
     """Move the links and frames that mark tracked points, where they are nothing else."""
     for marker, X_TH_nominal in zip(
         arm.markers, inverse(arm.links.X_BT) @ arm.links.X_BH, strict=True
@@ -192,7 +196,7 @@ def _mount_of_bare_link(robot: Element, name: str) -> Element | None:
 
 
 def _add_frames(
-    robot: Element, arm: ArmDescription, frames: LearnedFrames, moved: dict[str, NDArray]
+    robot: Element, arm: "ArmDescription", frames: LearnedFrames, moved: dict[str, NDArray]
 ) -> None:
     """Add links for the measuring frame and the tracked points, in place of older ones."""
     tip = moved.get(arm.tip_link, np.eye(4))
