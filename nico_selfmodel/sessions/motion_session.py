@@ -1,13 +1,15 @@
 """A robot that moves, and watches whether what it sees moves with it."""
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import RobotError
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.planning.motor_program import MotorProgram
 from nico_selfmodel.planning.own_view import OwnArmInView
@@ -70,7 +72,7 @@ class MotionSession:
         self._station, self._model, self._X_BM = station, model, X_BM
         self._whole = int(latency / PERIOD)
         self._rest = latency - self._whole * PERIOD
-        self._own = OwnArmInView(station.arm, model, model.rig.left, CELL)
+        self._own = [OwnArmInView(station.arm, model, one, CELL) for one in model.rig.cameras]
         self._X_WO = facing(gaze)
 
     def watch(
@@ -81,7 +83,10 @@ class MotionSession:
         rng: np.random.Generator,
         delay: int | None = None,
     ) -> Iterator[tuple[bool, bool, bool]]:
-        """Move at random and say after each picture what the encoders and the image did.
+        """Move at random and say after each pair of pictures what encoders and images did.
+
+        Both cameras look: what the own arm hides from one of them it need not hide from the other,
+        before which it is elsewhere.
 
         Args:
             encounter: Who is there.
@@ -92,8 +97,8 @@ class MotionSession:
                 half a second if omitted.
 
         Yields:
-            Whether the encoders moved since the picture before; whether the image did, in cells
-            that the own arm may have covered in it; and whether it did in all others.
+            Whether the encoders moved since the pictures before; whether an image did, in cells
+            that the own arm may have covered in it; and whether one did in all others.
         """
         warm = _WARM_UP + (encounter.late or 0.0)
         own = MotorProgram.random(poses, warm + seconds, rng)
@@ -105,21 +110,25 @@ class MotionSession:
         self._station.stand_other(motion.context, self._X_WO if encounter.other else None)
         covered: deque[NDArray] = deque(maxlen=int(np.ceil(_REMEMBERED / PERIOD)))
         late: deque[NDArray | None] = deque([None] * self._whole)
-        picture, readings = None, None
+        pictures, readings = None, None
         for k in range(int(seconds / PERIOD)):
             motion.advance(warm + k * PERIOD)
-            before, picture = picture, self._station.picture(motion.context, "left")
+            before, pictures = pictures, self._pictures(motion.context)
             motion.advance(warm + k * PERIOD + self._rest)
             last, readings = readings, motion.readings()
-            covered.append(self._own.cells(readings))
+            covered.append(_joined(one.cells(readings) for one in self._own))
             if before is None or last is None:
                 continue
-            late.append(moving_cells(before, picture))
+            late.append(_joined(map(moving_cells, before, pictures)))
             moving, mine = late.popleft(), _covered_then(covered, delay)
             if moving is None:
                 moving = np.zeros_like(mine)
             own, elsewhere = (bool((moving & cells).any()) for cells in (mine, ~mine))
             yield self._moved(last, readings), own, elsewhere
+
+    def _pictures(self, context: Any) -> list[NDArray]:
+        """Return what both cameras see. Shape (h, w, 3) each."""
+        return [self._station.picture(context, side) for side in SIDES]
 
     def _moved(self, before: NDArray, now: NDArray) -> bool:
         """Return whether the hand moved between two readings, by the learned arm."""
@@ -127,8 +136,13 @@ class MotionSession:
         return bool(np.linalg.norm(p_WH[1] - p_WH[0]) > _LEAST_STEP)
 
 
+def _joined(cells: Iterable[NDArray]) -> NDArray:
+    """Return the cells of both cameras' pictures, one after the other. Shape (k,)."""
+    return np.concatenate([one.ravel() for one in cells])
+
+
 def _covered_then(covered: deque[NDArray], delay: int | None) -> NDArray:
-    """Return the cells of the own arm in a picture, and in the one before it.
+    """Return the cells of the own arm in a pair of pictures, and in the one before it.
 
     Args:
         covered: Cells at the last readings, the newest last.

@@ -74,6 +74,25 @@ def test_cells_with_the_own_arm_hold_the_tracked_hand():
         assert cells.mean() < 0.7
 
 
+def test_what_the_own_hand_hides_from_one_camera_the_other_sees_beside_it():
+    rig = NICO.ground_truth.model().rig
+    model = NICO.ground_truth.model()
+    left, right = (OwnArmInView(NICO.arm, model, camera, 16) for camera in rig.cameras)
+    free = []
+    for q in NICO.workspace.random_poses(12, np.random.default_rng(2)):
+        readings = model.servos.to_encoder(q)
+        # As far behind the hand as its image in a mirror is.
+        center, p_WH = rig.left.X_WC[:3, 3], model.points(q[None])[0]
+        behind = center + 3.0 * (p_WH - center)
+        hidden, seen = (
+            own.cells(readings)[tuple((camera.project(behind)[::-1] // 16).astype(int))]
+            for own, camera in ((left, rig.left), (right, rig.right))
+        )
+        assert hidden
+        free.append(not seen)
+    assert np.mean(free) > 0.7
+
+
 def test_starts_and_stops_of_a_motor_program_have_no_memory():
     rng = np.random.default_rng(1)
     poses = rng.uniform(0.0, 1000.0, (30, 4))
