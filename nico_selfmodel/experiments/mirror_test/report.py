@@ -115,7 +115,7 @@ def report_of(test: MirrorTest) -> ExperimentReport:
         "is part of this test, and one that fails is the last that is judged, but for stage 3: "
         "the later ones take shapes from the description. "
         f"{len(met.responses)} simulated robot(s) that learned cameras and arm by themselves, "
-        f"{len(met.trials)} encounters in random order, one camera, a picture every "
+        f"{len(met.trials)} encounters in random order, both cameras, a picture of each every "
         f"{1e3 * PERIOD:.0f} ms; odds of {ODDS:,.0f} to 1 end an encounter.\n\n"
     )
     page = _page(document, tables, charts)
