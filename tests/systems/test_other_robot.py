@@ -74,25 +74,6 @@ def test_cells_with_the_own_arm_hold_the_tracked_hand():
         assert cells.mean() < 0.7
 
 
-def test_what_the_own_hand_hides_from_one_camera_the_other_sees_beside_it():
-    rig = NICO.ground_truth.model().rig
-    model = NICO.ground_truth.model()
-    left, right = (OwnArmInView(NICO.arm, model, camera, 16) for camera in rig.cameras)
-    free = []
-    for q in NICO.workspace.random_poses(12, np.random.default_rng(2)):
-        readings = model.servos.to_encoder(q)
-        # As far behind the hand as its image in a mirror is.
-        center, p_WH = rig.left.X_WC[:3, 3], model.points(q[None])[0]
-        behind = center + 3.0 * (p_WH - center)
-        hidden, seen = (
-            own.cells(readings)[tuple((camera.project(behind)[::-1] // 16).astype(int))]
-            for own, camera in ((left, rig.left), (right, rig.right))
-        )
-        assert hidden
-        free.append(not seen)
-    assert np.mean(free) > 0.7
-
-
 def test_starts_and_stops_of_a_motor_program_have_no_memory():
     rng = np.random.default_rng(1)
     poses = rng.uniform(0.0, 1000.0, (30, 4))
@@ -120,6 +101,28 @@ def test_a_session_tells_when_encoders_and_image_move(station):
     assert 0.0 < moved.mean() < 1.0
     assert own.any()
     assert elsewhere.sum() <= 1  # noise moves a cell now and then
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("flashing", ["left", "right"])
+def test_what_moves_before_either_camera_alone_is_noticed(station, monkeypatch, flashing):
+    rng, calls = np.random.default_rng(5), {"left": 0, "right": 0}
+    grey = np.full((480, 640, 3), 120.0)
+
+    def picture(context, side):
+        calls[side] += 1
+        shown = grey + rng.normal(0.0, 2.0, grey.shape)
+        if side == flashing and calls[side] % 2:
+            shown[:32, :32] += 60.0
+            shown[-32:, -32:] += 60.0
+        return shown.astype(np.uint8)
+
+    monkeypatch.setattr(station, "picture", picture)
+    session = MotionSession(station, NICO.ground_truth.model(), np.eye(4), GAZE, 0.07)
+    with NICO.station(0) as alone:
+        poses = np.array([command for _, command in NICO.plan(alone, 0, 8, rng)])
+    watched = np.array(list(session.watch(Encounter("nobody"), poses, 0.6, rng)))
+    assert watched[2:, 2].all()
 
 
 @pytest.mark.slow
