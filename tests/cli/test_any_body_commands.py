@@ -233,7 +233,7 @@ def test_a_wrong_observation_is_refused_with_its_line(folder, tmp_path, command,
         (("--fix", "camara2.x=1"), "no parameter 'camara2.x'"),
         (("--fix", "left1.x=0"), "left1.x can only be held against a robot description"),
         (("--prior", "left1.rx=0,0.1"), "left1.rx can only be held against a robot description"),
-        (("--stage", "full", "--boards", "b"), "--boards, --stage would change nothing"),
+        (("--stage", "full", "--arm", "b"), "--stage, --arm would change nothing"),
         (("--test", "nowhere"), "nowhere: dataset.yaml is missing"),
     ],
 )

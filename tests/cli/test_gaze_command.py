@@ -92,7 +92,7 @@ def test_what_is_no_body_is_answered_by_what_leaves_one(tmp_path, command):
     ("words", "said"),
     [
         ([], "does not know the markers right_hand_fiducial_0"),
-        (["--mirror", "glass"], "a whole body is shown without a mirror"),
+        (["--mirror", "glass"], "does not know the markers right_hand_fiducial_0"),
     ],
 )
 def test_a_whole_body_that_cannot_be_shown_live_is_one_line(body, tmp_path, command, words, said):
