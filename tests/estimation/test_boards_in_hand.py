@@ -124,7 +124,10 @@ def test_of_fifty_sets_of_mirrors_forty_nine_reach_the_floor(mirrors, boards):
     reached, scores = 0, []
     for seed in range(600, 650):
         held = behind_the_camera(seed, mirrors, boards)
-        found = calibrate_tree(held.data)
+        try:
+            found = calibrate_tree(held.data)
+        except NotIdentifiableError:  # normals nearly in one plane: missed, and said so
+            continue
         reached += abs(found.solution.cost / floor_of(found, held) - 1.0) < 1e-3
         x = [
             found.tree.mirror(n).values - found.tree.mirror(n).values_of(p)
