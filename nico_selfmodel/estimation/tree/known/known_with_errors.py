@@ -9,6 +9,7 @@ noise of a joint are alike beforehand, and estimates are means over them by thei
 likelihood (REML).
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,7 +40,7 @@ class Drifts:
     """The body's own, or one in which nothing bends yet."""
 
 
-def drifts_of(tree: BodyTree, seen: TreeObservations) -> Drifts:
+def drifts_of(tree: BodyTree, seen: TreeObservations, learned: Collection[str] = ()) -> Drifts:
     """Return how the joints of a body may stand off their readings alike in poses alike.
 
     W's z points up where the body does not know what bends.
@@ -47,11 +48,13 @@ def drifts_of(tree: BodyTree, seen: TreeObservations) -> Drifts:
     Args:
         tree: The body.
         seen: What was seen of it.
+        learned: Parameters that are learned anew, zeros among them.
     """
     read = {i for i, _ in seen.noisy_joints}
     turn = [i for i in sorted(read) if tree.motions[i] == REVOLUTE]
     shift = [i for i in sorted(read) if tree.motions[i] == PRISMATIC]
     names = [f"{tree.joints[i]}.rz" for i in turn] + [f"{tree.joints[i]}.z" for i in shift]
+    names = [name for name in names if name not in learned]
     scale = np.ones(len(names))
     if tree.bending is not None or not turn:
         return Drifts(names, scale, tree.bending)
@@ -80,6 +83,8 @@ class NewParameters:
     """Covariance of them and the body's errors in its own sigmas, L^-1 b. Shape (p, k)."""
     drift: float
     """Expected t."""
+    squares: float
+    """Sum of the squares that are left, w' S^-1 w, S what noise and body's errors let expect."""
 
 
 def new_parameters(
@@ -112,11 +117,12 @@ def new_parameters(
     covariance += np.einsum("t,ti,tj->ij", weight, apart, apart)
     with_body = np.einsum("t,tij->ij", weight, np.array([one[3] for one in found]))
     information = np.linalg.pinv(covariance, rcond=1e-12, hermitian=True)
-    return NewParameters(step, covariance, information, with_body, float(weight @ sizes))
+    squares = float(weight @ np.array([one[4] for one in found]))
+    return NewParameters(step, covariance, information, with_body, float(weight @ sizes), squares)
 
 
-def _at(gram: NDArray, p: int, k: int, t: float) -> tuple[float, NDArray, NDArray, NDArray]:
-    """Return log likelihood, step, covariance and that with the body, for one t.
+def _at(gram: NDArray, p: int, k: int, t: float) -> tuple[float, NDArray, NDArray, NDArray, float]:
+    """Return log likelihood, step, covariance and that with the body, and squares, for one t.
 
     S = 1 + B B', B = (A, t U_z): X' S^-1 Y = X'Y - X'B (1 + B'B)^-1 B'Y.
     """
@@ -134,4 +140,5 @@ def _at(gram: NDArray, p: int, k: int, t: float) -> tuple[float, NDArray, NDArra
     # U_m' S^-1 A = U_m'A - U_m'B (1 + B'B)^-1 B'A
     body = slice(p + 1, p + 1 + k)
     across = gram[:p, body] - gram[:p, last] @ np.linalg.solve(inner, gram[last, body])
-    return -0.5 * (squares + determinants), step, covariance, -covariance @ across
+    likelihood = -0.5 * (squares + determinants)
+    return likelihood, step, covariance, -covariance @ across, float(squares)
