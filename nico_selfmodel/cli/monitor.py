@@ -8,6 +8,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.calibrate import any_body
 from nico_selfmodel.cli.result_files import stamped, write_with_report
 
 
@@ -80,7 +81,6 @@ def _monitor_body(
 ) -> NoReturn:
     """Hold a body of any tree against a recording of it; learn what changed where `out` is."""
     from nico_selfmodel.dataset.body.body_folder import load_body_dataset
-    from nico_selfmodel.estimation.judging import judge, to_json
     from nico_selfmodel.estimation.monitoring.body_health import check_body_health
     from nico_selfmodel.estimation.monitoring.body_relearning import relearn_body
     from nico_selfmodel.estimation.monitoring.health_document import health_document
@@ -92,11 +92,7 @@ def _monitor_body(
     _tell(known.name, document, model, dataset, as_json=as_json)
     if out is None or report.healthy:
         printer.end(document)
-    found, after = relearn_body(known, data, report)
-    from nico_selfmodel.viz.reports.tree import tree_report
-
-    relearned = stamped(to_json(found, judge(found)))
-    write_with_report(out, after, tree_report(found, relearned), force=force)
+    relearned = any_body.written(relearn_body(known, data, report), out, force=force)
     if not as_json:
         printer.result(known.name, relearned, out)
     printer.end(relearned)

@@ -80,6 +80,7 @@ def _tool(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     reach = document.get("reach_mm")
     if reach:
         place = "where it was" if document["known"] else "the hand's point"
+        place = reach.get("from", place)
         yield (
             f"tip of {document['tool']}",
             (f"{reach['value']:.1f} +- {reach['sigma']:.1f} mm from {place}"),
@@ -87,7 +88,10 @@ def _tool(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _zeros(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    for joint, shift in document.get("shift_deg", {}).items():
-        entry = document["parameters"].get(f"{joint}.theta_offset")
-        sigma = "held" if entry is None else f"+- {57.29578 * entry['sigma']:.2f} deg"
-        yield f"zero of {joint}", f"moved by {shift:+z.2f} deg, {sigma}"
+    for key, unit, factor in (("shift_deg", "deg", 57.29578), ("shift_mm", "mm", 1e3)):
+        for joint, shift in document.get(key, {}).items():
+            parts = (f"{joint}.{part}" for part in ("theta_offset", "rz", "z"))
+            known = [document["parameters"][name] for name in parts if name in
+                     document["parameters"]]  # fmt: skip
+            sigma = f"+- {factor * known[0]['sigma']:.2f} {unit}" if known else "held"
+            yield f"zero of {joint}", f"moved by {shift:+z.2f} {unit}, {sigma}"

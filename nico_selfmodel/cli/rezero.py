@@ -5,10 +5,12 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import options, printer
+from nico_selfmodel.cli.calibrate import any_body
 from nico_selfmodel.cli.result_files import stamped, write_with_report
 
 
 def rezero(
+    context: typer.Context,
     model: options.Model,
     dataset: options.Dataset,
     out: options.Out,
@@ -20,7 +22,10 @@ def rezero(
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Find the encoders' zeros again from three to five poses, everything else held."""
+    """Find the encoders' zeros again from three to five poses, everything else held.
+
+    Of an arm, or of a body of any tree, from a recording of poses and observations.
+    """
     from nico_selfmodel.dataset.folder import load_dataset
     from nico_selfmodel.estimation.judging import judge, to_json
     from nico_selfmodel.estimation.monitoring.tool import rezero as find_zeros
@@ -28,8 +33,12 @@ def rezero(
     from nico_selfmodel.estimation.monitoring.update_result import rezero_result
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.model.self_model_file import load_model
+    from nico_selfmodel.model.tree.body_model import is_body
 
     refuse_folder(out, force=force, inputs=[dataset, model])
+    if is_body(model):
+        options.refuse_given(context, ["sensor", "loss"], any_body.NOISE_IS_KNOWN)
+        any_body.rezero(model, dataset, out, joints=joint, force=force, as_json=as_json)
     known, data = load_model(model), load_dataset(dataset)
     found = find_zeros(
         known, data, joints=tuple(joint) if joint else None, sensor=sensor, loss=loss

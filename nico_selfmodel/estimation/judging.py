@@ -10,6 +10,8 @@ from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.cameras.camera_result import camera_result
 from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration
 from nico_selfmodel.estimation.mirrors.mirror_result import mirror_result
+from nico_selfmodel.estimation.monitoring.body_relearning import BodyUpdate
+from nico_selfmodel.estimation.monitoring.body_update_result import body_update_result
 from nico_selfmodel.estimation.monitoring.tool import Rezeroing, ToolCalibration
 from nico_selfmodel.estimation.monitoring.update_result import rezero_result, tool_result
 from nico_selfmodel.estimation.results.calibration_result import CalibrationResult
@@ -27,6 +29,7 @@ Calibration = (
     | ToolCalibration
     | Rezeroing
     | TreeCalibration
+    | BodyUpdate
     | CalibrationResult
 )
 """Whatever was learned, or its result."""
@@ -53,6 +56,8 @@ def result_of(calibration: Calibration) -> CalibrationResult:
             return rezero_result(calibration)
         case TreeCalibration():
             return tree_result(calibration)
+        case BodyUpdate():
+            return body_update_result(calibration)
         case CalibrationResult():
             return calibration
 

@@ -84,7 +84,8 @@ def test_what_was_hit_is_named_and_learned_alone(model, monkeypatch, change, cau
     assert not report.healthy
     best = report.diagnoses[0].hypothesis
     assert best.cause == cause
-    found, after = relearn_body(model, data, report)
+    update = relearn_body(model, data, report)
+    found, after = update.found, update.model
     assert set(found.setup.free) == set(best.names)
     later = day(monkeypatch, 8, change)
     before, now = (np.nanmean(errors_of(m.tree, later).by_row()) for m in (model, after))
@@ -100,7 +101,7 @@ def test_an_encoder_that_jumped_is_named(model, monkeypatch):
     readings[:, joint] += np.radians(3.0) / data.joints[joint].si_per_unit
     report = check_body_health(model, replace(data, readings=readings))
     assert report.diagnoses[0].hypothesis.cause == "zero of left_elbow"
-    found, _ = relearn_body(model, replace(data, readings=readings), report)
+    found = relearn_body(model, replace(data, readings=readings), report).found
     assert found.setup.free == {"left_elbow.rz"}
 
 

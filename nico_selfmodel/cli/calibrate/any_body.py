@@ -1,17 +1,21 @@
-"""What `calibrate body` and `calibrate hand-eye` do with a recording of any body."""
+"""What commands that learn do with a recording of any body."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from nico_selfmodel.cli import printer
 from nico_selfmodel.cli.result_files import stamped, write_with_report
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+    from nico_selfmodel.estimation.monitoring.body_relearning import BodyUpdate
     from nico_selfmodel.estimation.tree.tree_setup import Description
     from nico_selfmodel.model.cameras.camera import Camera
     from nico_selfmodel.progress import Progress
     from nico_selfmodel.vision.boards.board_detection import AnyBoard
+
+NOISE_IS_KNOWN = "a body knows the noise of its joints, and leaves out what contradicts it"
+"""Why a command does not take how poses are weighed where its model is a body."""
 
 
 def calibrate(
@@ -117,6 +121,60 @@ def calibrate_mirrors(
         write_with_report(out, learned.model, report, force=force)
         progress("writing the result", 1, 1)
     printer.result(learned.model.name, document, out, json_instead=as_json)
+
+
+def rezero(
+    model: Path,
+    dataset: Path,
+    out: Path,
+    *,
+    joints: list[str] | None,
+    force: bool,
+    as_json: bool,
+) -> NoReturn:
+    """Find the zeros of a body's encoders again, and leave a result folder."""
+    from nico_selfmodel.dataset.body.body_folder import load_body_dataset
+    from nico_selfmodel.estimation.monitoring.body_relearning import rezero_body
+    from nico_selfmodel.model.tree.body_model import load_body
+
+    body, data = load_body(model), load_body_dataset(dataset)
+    document = written(rezero_body(body, data, joints), out, force=force)
+    printer.result(body.name, document, out, json_instead=as_json)
+
+
+def calibrate_tool(
+    dataset: Path,
+    model: Path,
+    out: Path,
+    *,
+    tool: str | None,
+    test: Path | None,
+    test_fraction: float | None,
+    seed: int,
+    force: bool,
+    as_json: bool,
+) -> NoReturn:
+    """Learn where a tool's tip is on a body's link, and leave a result folder."""
+    from nico_selfmodel.estimation.monitoring.body_relearning import calibrate_body_tool
+    from nico_selfmodel.model.tree.body_model import load_body
+
+    body = load_body(model)
+    train, held_out = _train_and_test(dataset, test, test_fraction, seed)
+    update = calibrate_body_tool(body, train, tool=tool, test=held_out)
+    document = written(update, out, force=force)
+    printer.result(body.name, document, out, json_instead=as_json)
+
+
+def written(update: "BodyUpdate", out: Path, *, force: bool) -> dict[str, Any]:
+    """Write what was learned anew of a body, with its report; return its `result.json`."""
+    from nico_selfmodel.estimation.judging import judge, to_json
+
+    document = stamped(to_json(update, judge(update)))
+    # Drawing is slow to load, and only needed once there is something to draw.
+    from nico_selfmodel.viz.reports.tree import tree_report
+
+    write_with_report(out, update.model, tree_report(update.found, document), force=force)
+    return document
 
 
 def _train_and_test(

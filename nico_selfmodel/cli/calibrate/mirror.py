@@ -46,8 +46,7 @@ def mirror(
 
     refuse_folder(out, force=force, inputs=[dataset, test, model])
     if is_body_dataset(dataset):
-        why = "a body knows the noise of its joints, and leaves out what contradicts it"
-        options.refuse_given(context, ["joint_sigma_deg", "loss"], why)
+        options.refuse_given(context, ["joint_sigma_deg", "loss"], any_body.NOISE_IS_KNOWN)
         any_body.calibrate_mirrors(
             dataset,
             model,

@@ -1,20 +1,62 @@
-"""Learning anew what changed in a body of any tree, and nothing else."""
+"""What is learned anew in a body of any tree, and nothing else: causes, encoder zeros, a tool."""
 
-from dataclasses import replace
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.sensors import POSES
+from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.estimation.monitoring.body_zeros import likely_zeros
 from nico_selfmodel.estimation.monitoring.health import HealthReport
-from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration, refit_tree
-from nico_selfmodel.estimation.tree.tree_errors import told_as
-from nico_selfmodel.model.self_model import ParameterCovariance
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.known.learned_anew import LearnedAnew, known_noise, learn_anew
+from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
+from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, errors_of, told_as
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_parameters import FRAME_PARTS, SHIFTS, TreeParameters
+from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.model.tree.body_model import BodyModel
+from nico_selfmodel.model.tree.body_tree import PRISMATIC, REVOLUTE, WORLD, Attached, BodyTree
+from nico_selfmodel.names import listed
+
+_ZERO = {REVOLUTE: "rz", PRISMATIC: "z"}
+"""Part of a joint's frame that is another zero of its encoder."""
 
 
-def relearn_body(
-    model: BodyModel, data: BodyDataset, report: HealthReport
-) -> tuple[TreeCalibration, BodyModel]:
+@dataclass(frozen=True, eq=False)
+class BodyUpdate:
+    """A body of any tree of which a few parameters were learned anew."""
+
+    method: str
+    """`rezero`, `tool` or `relearn`."""
+    model: BodyModel
+    """The body with them."""
+    anew: LearnedAnew
+    """Their adjustment, and whether the rest still fits."""
+    before: TreeErrors | None
+    """What the body as it was leaves of the same recording; None where it had no such marker."""
+    seconds: float
+    """That it took."""
+    joints: tuple[str, ...] = ()
+    """Joints whose zeros were found again."""
+    shifts: NDArray = field(default_factory=lambda: np.zeros(0))
+    """By how much each zero moved, as a displacement of its joint [rad or m]. Shape (k,)."""
+    tool: str | None = None
+    """Name of the marker that is a tool's tip."""
+    cause: str | None = None
+    """What had changed, in words."""
+
+    @property
+    def found(self) -> TreeCalibration:
+        """The adjustment."""
+        return self.anew.found
+
+
+def relearn_body(model: BodyModel, data: BodyDataset, report: HealthReport) -> BodyUpdate:
     """Learn the likeliest cause anew from the poses since the change.
 
     Args:
@@ -22,32 +64,154 @@ def relearn_body(
         data: The recording in which it changed.
         report: What `check_body_health` says of it.
 
-    Returns:
-        What was learned, and the body with it; what else is known of it stays as it was.
-
     Raises:
         DataError: If too little was seen since.
         ValueError: If the body is healthy.
     """
     if report.changed_at is None or not report.diagnoses:
         raise ValueError("nothing changed: there is nothing to learn anew")
-    since = np.isin(data.sample, report.sample[report.changed_at :])
-    names = report.diagnoses[0].hypothesis.names
-    world = str(model.provenance.get("world", "world"))
-    seen = told_as(model.tree, data.select(since))
-    found = refit_tree(model.tree, seen, names, world=world, name=model.name)
-    return found, replace(model, tree=found.tree, covariance=_known_since(model, found))
+    clock, cause = time.perf_counter(), report.diagnoses[0].hypothesis
+    since = data.select(np.isin(data.sample, report.sample[report.changed_at :]))
+    anew = learn_anew(model, model.tree, told_as(model.tree, since), frozenset(cause.names))
+    before, seconds = errors_of(model.tree, since), time.perf_counter() - clock
+    return BodyUpdate("relearn", anew.body(model), anew, before, seconds, cause=cause.cause)
 
 
-def _known_since(model: BodyModel, found: TreeCalibration) -> ParameterCovariance | None:
-    """Return the covariance of before, with that of what was learned anew in its place."""
-    if model.covariance is None:
-        return None
-    new = found.uncertainty
-    kept = [i for i, name in enumerate(model.covariance.names) if name not in new.names]
-    n, k = len(kept), len(new.names)
-    matrix = np.zeros((n + k, n + k))
-    matrix[:n, :n] = model.covariance.matrix[np.ix_(kept, kept)]
-    matrix[n:, n:] = new.covariance
-    names = tuple(model.covariance.names[i] for i in kept)
-    return ParameterCovariance((*names, *new.names), matrix)
+def rezero_body(
+    model: BodyModel, data: BodyDataset, joints: Sequence[str] | None = None
+) -> BodyUpdate:
+    """Find the encoders' zeros again after a restart, everything else held.
+
+    A zero that moved is a joint's frame turned about, or shifted along, its own axis.
+
+    Args:
+        model: The body as it was.
+        data: Three to five poses.
+        joints: Joints whose zeros are lost; all that have encoders if omitted.
+
+    Raises:
+        DataError: If the recording is of another body, or has too few numbers.
+        ModelError: If the body does not say what noise to expect.
+        NotIdentifiableError: If the poses leave a zero open; it names them.
+        ValueError: If there is no such joint, or it has no encoder.
+    """
+    clock, tree = time.perf_counter(), model.tree
+    told = told_as(tree, data)
+    lost = _lost(tree, joints)
+    zeros = [f"{joint}.{_ZERO[tree.motions[tree.joints.index(joint)]]}" for joint in lost]
+    names, seen = frozenset(zeros), TreeObservations.of(told)
+    found = _relearned(model, tree, told, names)
+    if not found.fits:
+        # No slope leads to a zero that is far away: zeros all over the turn are tried.
+        far = _relearned(model, tree, told, names, begin=likely_zeros(tree, seen, names))
+        found = min(found, far, key=lambda one: (int(one.set_aside.sum()), one.misfit))
+    parameters = found.found.parameters
+    moved = found.found.values[[parameters.index[name] for name in zeros]]
+    seconds = time.perf_counter() - clock
+    before = errors_of(tree, data)
+    return BodyUpdate("rezero", found.body(model), found, before, seconds, lost, moved)
+
+
+def calibrate_body_tool(
+    model: BodyModel, data: BodyDataset, *, tool: str | None = None, test: BodyDataset | None = None
+) -> BodyUpdate:
+    """Learn where a tool's tip is on the link that holds it, everything else held.
+
+    Args:
+        model: The body without the tool.
+        data: A recording that lists the tip among its markers, on its link.
+        tool: Name of that marker; the one that the body does not know if omitted.
+        test: Held-out data, for judging only.
+
+    Raises:
+        DataError: If the recording is of another body, or has too few numbers.
+        ModelError: If the body does not say what noise to expect.
+        NotIdentifiableError: If the poses leave the tip's place open.
+        ValueError: If there is no such marker.
+    """
+    clock = time.perf_counter()
+    name = _tool_name(model.tree, data, tool)
+    known = name in [marker.name for marker in model.tree.markers]
+    before = errors_of(model.tree, data) if known else None
+    tree = model.tree if known else _with_tip(model.tree, data, name)
+    told = told_as(tree, data)
+    turned = _is_turned(data, name)
+    names = frozenset(f"{name}.{part}" for part in (FRAME_PARTS if turned else SHIFTS))
+    anew = _relearned(model, tree, told, names, test)
+    return BodyUpdate(
+        "tool", anew.body(model), anew, before, time.perf_counter() - clock, tool=name
+    )
+
+
+def _relearned(
+    model: BodyModel,
+    tree: BodyTree,
+    told: BodyDataset,
+    names: frozenset[str],
+    test: BodyDataset | None = None,
+    begin: BodyTree | None = None,
+) -> LearnedAnew:
+    """Learn some parameters from a start that may be far: roughly first."""
+    seen = TreeObservations.of(told)
+    noise = known_noise(model, seen)
+    if noise is None:
+        raise ModelError(
+            f"body {model.name!r} does not say the noise of its sensors and joints, which a few "
+            "poses do not tell: learn it with `calibrate body` or `learn --head`"
+        )
+    parameters = TreeParameters(tree)
+    problem = TreeProblem(TreeResiduals(seen, parameters), names, {}, noise, noise_known=True)
+    values, _ = problem.rough(parameters.values_of(begin or tree))
+    near = parameters.tree_of(values)
+    return learn_anew(model, tree, told, names, noise=noise, test=test, begin=near)
+
+
+def _lost(tree: BodyTree, joints: Sequence[str] | None) -> tuple[str, ...]:
+    """Return the joints whose zeros are lost, checked."""
+    read = [
+        name
+        for i, name in enumerate(tree.joints)
+        if tree.motions[i] in _ZERO and tree.coupling[i, i] == 1.0
+    ]
+    for joint in joints or ():
+        if joint not in tree.joints:
+            raise ValueError(f"no joint {joint!r}; there are {listed(tree.joints, joint)}")
+        if joint not in read:
+            raise ValueError(f"joint {joint!r} has no encoder of its own, and so no zero")
+    return tuple(joints or read)
+
+
+def _tool_name(tree: BodyTree, data: BodyDataset, tool: str | None) -> str:
+    """Return which marker of a recording is the tip."""
+    listed_there = [marker.name for marker in data.markers]
+    if tool is not None:
+        if tool not in listed_there:
+            raise ValueError(f"no marker {tool!r}; there are {listed(listed_there, tool)}")
+        return tool
+    new = [name for name in listed_there if name not in {m.name for m in tree.markers}]
+    if len(new) != 1:
+        found = "the body knows all of its markers" if not new else f"it has {listed(new)}"
+        raise DataError(f"data set {data.name!r} does not tell which marker is the tip: {found}; "
+                        "name it with --tool")  # fmt: skip
+    return new[0]
+
+
+def _with_tip(tree: BodyTree, data: BodyDataset, name: str) -> BodyTree:
+    """Return a body with a marker on its link, where the link's other markers are."""
+    (info,) = [marker for marker in data.markers if marker.name == name]
+    if info.on != "world" and info.on not in tree.joints:
+        raise DataError(f"marker {name!r} is on {info.on!r}, which the body does not have")
+    on = WORLD if info.on == "world" else tree.joints.index(info.on)
+    beside = [marker.X_LA for marker in tree.markers if marker.on == on]
+    X = np.eye(4) if not beside else beside[0].copy()
+    X[:3, 3] = np.mean([pose[:3, 3] for pose in beside], axis=0) if beside else 0.0
+    tip = Attached(name, on, X, oriented=_is_turned(data, name))
+    return tree.with_markers((*tree.markers, tip))
+
+
+def _is_turned(data: BodyDataset, name: str) -> bool:
+    """Return whether a sensor tells a marker's orientation."""
+    table = data.observations
+    kinds = np.array([sensor.kind for sensor in data.sensors])[table.sensor]
+    mine = table.marker == [marker.name for marker in data.markers].index(name)
+    return bool((kinds[mine] == POSES).any())

@@ -23,7 +23,13 @@ from nico_selfmodel.estimation.results.calibration_result import (
 from nico_selfmodel.estimation.results.model_changes import parameter_changes
 from nico_selfmodel.model.self_model import SelfModel
 
-_OUTLIER_CAUSE = "were other things taken for the hand, or did the body change in between?"
+OUTLIER_CAUSE = "were other things taken for the hand, or did the body change in between?"
+"""What many outliers of few poses hint at."""
+
+
+def update_words(misfit: float, expected: float) -> str:
+    """Say what is left of new observations, and what was to be expected."""
+    return f"misfit {misfit:.0f}, {expected:.0f} was to be expected"
 
 
 def tool_result(
@@ -45,7 +51,7 @@ def tool_result(
         calibration.update,
         calibration.model,
         [*findings(FAILURE, calibration.reasons), *findings(NOTE, said)],
-        Terms(outlier_cause=_OUTLIER_CAUSE),
+        Terms(outlier_cause=OUTLIER_CAUSE),
         calibration.seconds,
     )
     details = {
@@ -100,11 +106,11 @@ def update_errors(errors: NDArray, sensor: str) -> Errors:
 
 def _of_update(method: str, update: BlockUpdate, seconds: float | None) -> CalibrationResult:
     """Return parameters that were learned anew from few poses, which all take part."""
-    words = f"misfit {update.misfit:.0f}, {update.expected:.0f} was to be expected"
+    words = update_words(update.misfit, update.expected)
     broken = (
         None if update.fits else f"the rest of the body no longer fits ({words}): run `monitor`"
     )
-    terms = Terms(outlier_cause=_OUTLIER_CAUSE, untested=f"the rest of the body fits ({words})")
+    terms = Terms(outlier_cause=OUTLIER_CAUSE, untested=f"the rest of the body fits ({words})")
     return _result(method, update, update.model, findings(FAILURE, [broken]), terms, seconds)
 
 

@@ -188,6 +188,7 @@ def refit_tree(
     noise: TreeNoise | None = None,
     test: BodyDataset | None = None,
     start: str = "the body as it was",
+    begin: BodyTree | None = None,
 ) -> TreeCalibration:
     """Learn some parameters of a known body anew; everything else stays.
 
@@ -200,6 +201,7 @@ def refit_tree(
         noise: What disturbs the recording, where that is known; estimated if omitted.
         test: Held-out data, for judging only.
         start: Where the body comes from, in words.
+        begin: Where the search begins; the body as it was if omitted.
 
     Raises:
         DataError: If the recording has fewer numbers than there are parameters.
@@ -209,7 +211,7 @@ def refit_tree(
     if unknown := sorted(set(free) - set(parameters.names)):
         raise ValueError(f"no parameter {unknown[0]!r} in this body")
     setup = TreeSetup(frozenset(free), {}, {}, world, world)
-    first = _Start(start, parameters, setup, parameters.values_of(tree), 0.0)
+    first = _Start(start, parameters, setup, parameters.values_of(begin or tree), 0.0)
 
     def as_it_was(problem: TreeProblem, solution: TreeSolution) -> Ladder:
         return Ladder((), TreeBend(problem, solution))

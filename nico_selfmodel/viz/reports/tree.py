@@ -15,6 +15,7 @@ from nico_selfmodel.viz.reports.page import Report, headline_quantity, key_numbe
 from nico_selfmodel.viz.reports.parameter_tables import ParameterTables
 from nico_selfmodel.viz.reports.residual_rows import tree_csv
 from nico_selfmodel.viz.reports.tables import Cell, Table, error_table, held_out, number_cell
+from nico_selfmodel.viz.reports.updates import about_update, told_by_update
 from nico_selfmodel.viz.scene.tree_scene import tree_scene
 
 _QUANTITIES = (
@@ -23,6 +24,8 @@ _QUANTITIES = (
     ("pixels", "px", (CAMERA,), "in the images [px]", "Distance of each observation from where the "
      "body expects it, each camera counted by itself."),
 )  # fmt: skip
+
+_ABOUT = "What was learned of a body from all that any sensors measured of it"
 
 
 def tree_report(calibration: TreeCalibration, document: Mapping[str, Any]) -> Report:
@@ -33,14 +36,16 @@ def tree_report(calibration: TreeCalibration, document: Mapping[str, Any]) -> Re
         document: `estimation.judging.to_json` of it; the numbers shown are these.
     """
     scene = tree_scene(calibration.name, calibration.tree, calibration.posed)
-    about = "What was learned of a body from all that any sensors measured of it"
+    anew = "body_fits" in document
+    about = about_update(document) if anew else _ABOUT
 
     def frames(found: ParameterTables) -> Table | None:
         return _frames(found, _framed(calibration, found))
 
     sections = (
         _errors(calibration, document),
-        *_changes(document),
+        *_before(document),
+        *_against_description(document),
         *bending_section(calibration.tree.bending, calibration.at, document),
         _noise(calibration, document),
         shared_sections.learned_section(
@@ -60,7 +65,7 @@ def tree_report(calibration: TreeCalibration, document: Mapping[str, Any]) -> Re
         key,
         sections,
         scene,
-        _learned(calibration, document),
+        (*(told_by_update(document) if anew else ()), *_learned(calibration, document)),
         tree_csv(sets),
     )
 
@@ -132,7 +137,28 @@ def _listed(markers: list[str]) -> list[str]:
     return markers if len(markers) < 2 else [f"{len(markers)} markers"]
 
 
-def _changes(document: Mapping[str, Any]) -> list[parts.Section]:
+def _before_and_now(document: Mapping[str, Any], was: str, before: Any) -> parts.Numbers | None:
+    """Return errors before anything was learned, and with it."""
+    after = "test" if document["test"] and was == "as described" else "train"
+    sets = [
+        (f"{label} [{unit}]", block, quantity)
+        for quantity, unit in (("position_mm", "mm"), ("pixels", "px"))
+        for label, block in ((was, before), ("learned", document[after]))
+        if block and quantity in block
+    ]
+    return parts.numbers(error_table(sets, "the robot", 2))
+
+
+def _before(document: Mapping[str, Any]) -> list[parts.Section]:
+    """Return what the body as it was left of the poses that it learned anew from."""
+    if not document.get("before"):
+        return []
+    words = "Both of the same poses: with the body as it was, and as it is now."
+    table = _before_and_now(document, "before", document["before"]["train"])
+    return [parts.section("Before and after", table, parts.hint(words), id="before")]
+
+
+def _against_description(document: Mapping[str, Any]) -> list[parts.Section]:
     """Return how far the robot is from its description; nothing without one."""
     changes = document["changes"]
     if not changes:
@@ -149,17 +175,10 @@ def _changes(document: Mapping[str, Any]) -> list[parts.Section]:
         )
         for joint, entry in changes.items()
     )
-    after = "test" if document["test"] else "train"
-    sets = [
-        (f"{label} [{unit}]", block, quantity)
-        for quantity, unit in (("position_mm", "mm"), ("pixels", "px"))
-        for label, block in (("as described", document["described"]), ("learned", document[after]))
-        if block and quantity in block
-    ]
     headings = ("joint", "turned [deg]", "\u00b1", "shifted [mm]", "\u00b1")
     section = parts.section(
         "Against its description",
-        parts.numbers(error_table(sets, "the robot", 2)),
+        _before_and_now(document, "as described", document["described"]),
         parts.numbers(Table(headings, rows)),
         parts.hint(
             "As described: the description's joints with sensors and markers placed as they fit "

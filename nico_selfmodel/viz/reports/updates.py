@@ -65,11 +65,9 @@ def update_report(
         *(() if health is None else (_causes(health),)),
         _provenance(evaluation, document),
     )
-    cause = f": {document['cause']}" if "cause" in document else ""
-    about = f"{_WHAT[document['method']]}{cause}"
     return Report(
         evaluation.after.name,
-        about,
+        about_update(document),
         document,
         key,
         sections,
@@ -77,6 +75,16 @@ def update_report(
         _changes(document),
         _residuals(evaluation),
     )
+
+
+def about_update(document: Mapping[str, Any]) -> str:
+    """Return what was learned anew, in a line; of an arm or of any body.
+
+    Args:
+        document: `estimation.judging.to_json` of it.
+    """
+    cause = f": {document['cause']}" if "cause" in document else ""
+    return f"{_WHAT[document['method']]}{cause}"
 
 
 def _residuals(evaluation: UpdateEvaluation) -> str:
@@ -90,10 +98,19 @@ def _residuals(evaluation: UpdateEvaluation) -> str:
 
 
 def _changes(document: Mapping[str, Any]) -> tuple[parts.Numbers | parts.Text | None, ...]:
+    table = change_table(document["changes"], "learned anew")
+    return parts.numbers(table), *told_by_update(document)
+
+
+def told_by_update(document: Mapping[str, Any]) -> tuple[parts.Text | None, ...]:
+    """Return where a tip is, how far zeros moved, and whether the rest fits; of any body.
+
+    Args:
+        document: `estimation.judging.to_json` of what was learned anew.
+    """
     misfit, expected = document["misfit"]["value"], document["misfit"]["expected"]
     still = "still fits" if document["body_fits"] else "no longer fits"
     return (
-        parts.numbers(change_table(document["changes"], "learned anew")),
         _reach(document),
         _shifts(document),
         parts.hint(
@@ -108,6 +125,8 @@ def _reach(document: Mapping[str, Any]) -> parts.Text | None:
     if "reach_mm" not in document:
         return None
     reach = f"{document['reach_mm']['value']:.1f} ± {document['reach_mm']['sigma']:.1f} mm"
+    if point := document["reach_mm"].get("from"):
+        return parts.Text(f"The tip of {document['tool']} lies {reach} from {point}.")
     unknown = "from the hand's own point. Before it was learned, the tip is taken to be there."
     where = "from where it was." if document["known"] else unknown
     return parts.Text(f"The tip of {document['tool']} lies {reach} {where}")
@@ -117,8 +136,10 @@ def _shifts(document: Mapping[str, Any]) -> parts.Text | None:
     """Return by what angles the joints' zeros moved; None where that was not asked."""
     if "shift_deg" not in document:
         return None
-    shifts = (f"{joint} by {signed(shift, 2)}°" for joint, shift in document["shift_deg"].items())
-    return parts.Text(f"{', '.join(shifts)}, as angles of the joints.")
+    shifts = [f"{joint} by {signed(shift, 2)}°" for joint, shift in document["shift_deg"].items()]
+    lengths = document.get("shift_mm", {}).items()
+    shifts += [f"{joint} by {signed(shift, 2)} mm" for joint, shift in lengths]
+    return parts.Text(f"Zeros moved, {', '.join(shifts)}, as displacements of the joints.")
 
 
 def _errors(

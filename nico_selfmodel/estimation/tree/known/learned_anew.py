@@ -6,6 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.errors import NotIdentifiableError
+from nico_selfmodel.estimation.results.unobservable_words import name_unobservable
+from nico_selfmodel.estimation.results.verdict import outliers_are_many
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.known.known_with_errors import (
     NewParameters,
@@ -52,11 +55,21 @@ class LearnedAnew:
     """Numbers of what was learned among what is free in `problem`. Shape (p,)."""
     may_err: NDArray
     """Ways in which the rest may err, each as large as expected, N(0, 1). Shape (free, k)."""
+    set_aside: NDArray
+    """Outliers among the observations that depend on what was learned. Boolean, shape (n,)."""
+    read_wrongly: tuple[str, ...]
+    """Joints that would have been read wrongly in more poses than a few of those that show them."""
+    seen_wrongly: tuple[str, ...]
+    """Links of which more than a few observations are outliers."""
 
     @property
     def fits(self) -> bool:
         """Whether the rest of the body explains what was seen, as well as it did in training."""
-        return self.misfit - self.expected < _FITS * self.spread
+        return (
+            self.misfit - self.expected < _FITS * self.spread
+            and outliers_are_many(self.set_aside) is None
+            and not (self.read_wrongly or self.seen_wrongly)
+        )
 
     def body(self, model: BodyModel, name: str | None = None) -> BodyModel:
         """Return a body with what was learned in it; what else is known of it stays as it was."""
@@ -74,20 +87,23 @@ def learn_anew(
     noise: TreeNoise | None = None,
     name: str | None = None,
     test: BodyDataset | None = None,
+    begin: BodyTree | None = None,
 ) -> LearnedAnew:
     """Learn parameters of a known body anew.
 
     Args:
         model: The body as it was.
-        tree: Where the search begins: the body, with what is new in it.
+        tree: The body as it was, with what is new in it: what turns and shifts are told from.
         told: The recording, in the tree's markers.
         names: What is learned.
         noise: What disturbs the recording; estimated if omitted.
         name: Of what was learned; the body's if omitted.
         test: Held-out data, for judging only.
+        begin: Where the search begins; `tree` if omitted.
 
     Raises:
         DataError: If the recording has fewer numbers than there are parameters.
+        NotIdentifiableError: If the poses leave a parameter open; it is named.
     """
     found = refit_tree(
         tree,
@@ -98,7 +114,14 @@ def learn_anew(
         noise=noise,
         test=test,
         start=model.name,
+        begin=begin,
     )
+    if open_ways := found.uncertainty.unobservable:
+        words = "; ".join(name_unobservable(direction) for direction in open_ways)
+        raise NotIdentifiableError(
+            f"{len(told.sample)} poses are too few or too alike: {words}: record more poses, "
+            "spread over the workspace"
+        )
     return _with_errors_of_body(found, _without(model.covariance, found.uncertainty.names))
 
 
@@ -164,10 +187,38 @@ def _with_errors_of_body(found: TreeCalibration, body: ParameterCovariance) -> L
     expected = float(count - len(new))
     # A sum of n squares scatters by sqrt(2 n), and by twice what the noise is known to.
     spread = float(np.hypot(np.sqrt(2.0 * expected), 2.0 * _NOISE_KNOWN_TO * expected))
-    misfit = (last.squares, expected, spread)
     return LearnedAnew(
-        moved, covariance, *misfit, problem, at(solution), np.array(own, dtype=int), may_err
+        moved,
+        covariance,
+        last.squares,
+        expected,
+        spread,
+        problem,
+        at(solution),
+        np.array(own, dtype=int),
+        may_err,
+        *_set_aside(residuals, found),
     )
+
+
+def _set_aside(residuals: TreeResiduals, found: TreeCalibration) -> tuple[NDArray, tuple[str, ...]]:
+    """Return outliers of what depends on what was learned, and joints that were read wrongly."""
+    seen, solution = residuals.observations, found.solution
+    linear = residuals.linear(found.values)
+    columns = [found.parameters.index[name] for name in found.uncertainty.names]
+    shown = np.unique(seen.row[(linear.J[columns] != 0.0).any(axis=0)])
+    wrong = []
+    for j, (i, _) in enumerate(seen.noisy_joints):
+        visits = np.unique(seen.visit[linear.by_joint[:, j] != 0.0])
+        slipped = solution.slipped[visits, j]
+        if slipped.sum() > 1 and outliers_are_many(slipped) is not None:
+            wrong.append(seen.data.joints[i].name)
+    links = []
+    for i, joint in enumerate(seen.data.joints):
+        own = solution.outliers[seen.data.seen_on == i]
+        if own.sum() > 1 and outliers_are_many(own) is not None:
+            links.append(joint.name)
+    return solution.outliers[shown], tuple(dict.fromkeys(wrong)), tuple(links)
 
 
 def _uncertainty(
