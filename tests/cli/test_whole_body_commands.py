@@ -10,6 +10,7 @@ from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body
 from nico_selfmodel.dataset.folder import save_dataset
 from nico_selfmodel.experiments.mirror_body import mirror_body
 from nico_selfmodel.model.tree.body_model import load_body, save_body
+from nico_selfmodel.sessions.whole_body import whole_body_session
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
 from ..estimation.bodies_before_mirrors import knowing_body
@@ -137,3 +138,61 @@ def test_mirrors_that_cannot_stand_there_are_refused(tmp_path, command, words, s
     done = command("simulate", "whole-body", *words, "--out", tmp_path / "none")
     assert_one_clear_line(done, said)
     assert not (tmp_path / "none").exists()
+
+
+@pytest.fixture(scope="module")
+def after_restart(tmp_path_factory):
+    """A recording of a Nico whose left elbow lost its zero, and the body as it was."""
+    folder = tmp_path_factory.mktemp("restart")
+    world = IMPERFECTIONS["clean"]
+    data = whole_body_session(world, 5, 1, looks=2, hands=3)
+    body = knowing_body(world, 5, data)
+    save_body(body, folder / "body.yaml")
+    readings = data.readings.copy()
+    i = body.tree.joints.index("left_elbow")
+    readings[:, i] += np.radians(30.0) * body.tree.gear[i] / body.si_per_unit[i]
+    save_body_dataset(replace(data, readings=readings), folder / "seen")
+    save_body_dataset(data, folder / "before")
+    return folder
+
+
+def test_zeros_of_a_whole_body_are_found_again(after_restart, command, tmp_path):
+    model, out = after_restart / "body.yaml", tmp_path / "out"
+    words = ("rezero", model, after_restart / "seen", "--joint", "left_elbow", "--out", out)
+    done = command(*words)
+    assert done.returncode == 0, done.stderr
+    assert "the rest of the body fits" in done.stdout
+    document = json.loads((out / "result.json").read_text("utf-8"))
+    assert document["shift_deg"]["left_elbow"] == pytest.approx(-30.0, abs=1.0)
+    assert "Before and after" in (out / "report.html").read_text("utf-8")
+    assert command("evaluate", out, after_restart / "seen").returncode == 0
+    wrong = command("rezero", model, after_restart / "seen", "--joint", "neck_yaw", "--out",
+                    tmp_path / "wrong")  # fmt: skip
+    assert wrong.returncode == 1
+    assert "the rest of the body no longer fits" in wrong.stdout
+
+
+def test_a_tool_of_a_whole_body_is_learned(after_restart, command, tmp_path):
+    body, out = load_body(after_restart / "body.yaml"), tmp_path / "out"
+    kept = tuple(m for m in body.tree.markers if m.name != "left_finger_tip")
+    save_body(replace(body, tree=body.tree.with_markers(kept)), tmp_path / "body.yaml")
+    words = ("calibrate", "tool", after_restart / "before", "--model", tmp_path / "body.yaml")
+    done = command(*words, "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert "tip of left_finger_tip" in done.stdout
+    assert "left_finger_tip" in {m.name for m in load_body(out).tree.markers}
+
+
+def test_what_a_body_cannot_learn_anew_is_one_clear_line(after_restart, command, tmp_path):
+    model, seen, out = after_restart / "body.yaml", after_restart / "seen", tmp_path / "none"
+    tool = ("calibrate", "tool", seen, "--model", model)
+    for words, said in (
+        (("rezero", model, seen, "--joint", "elbow"), "no joint 'elbow'"),
+        (("rezero", model, seen, "--loss", "huber"), "--loss would change nothing"),
+        (("rezero", model, tmp_path), "dataset.yaml"),
+        (tool, "name it with --tool"),
+        ((*tool, "--tool", "stick"), "no marker 'stick'"),
+        ((*tool, "--free-body"), "--free-body would change nothing"),
+    ):
+        assert_one_clear_line(command(*words, "--out", out), said)
+        assert not out.exists()

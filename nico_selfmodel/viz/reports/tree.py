@@ -11,7 +11,7 @@ from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.bending_section import bending_section
-from nico_selfmodel.viz.reports.page import Report, headline_quantity, key_number
+from nico_selfmodel.viz.reports.page import Report, headline_quantity, key_number, telling_set
 from nico_selfmodel.viz.reports.parameter_tables import ParameterTables
 from nico_selfmodel.viz.reports.residual_rows import tree_csv
 from nico_selfmodel.viz.reports.tables import Cell, Table, error_table, held_out, number_cell
@@ -55,7 +55,10 @@ def tree_report(calibration: TreeCalibration, document: Mapping[str, Any]) -> Re
         ),
         _provenance(calibration, document),
     )
-    key = key_number(document, headline_quantity(document, "poses"), "poses")
+    things = "observations"
+    poses = document[telling_set(document, things)[0]]["poses"]
+    quantity = headline_quantity(document, things)
+    key = key_number(document, quantity, things, note=f"{poses} poses")
     outliers = calibration.solution.outliers
     sets = (("held-out", calibration.test, None), ("training", calibration.train, outliers))
     return Report(
@@ -65,7 +68,10 @@ def tree_report(calibration: TreeCalibration, document: Mapping[str, Any]) -> Re
         key,
         sections,
         scene,
-        (*(told_by_update(document) if anew else ()), *_learned(calibration, document)),
+        (
+            *((_zeros(document), *told_by_update(document)) if anew else ()),
+            *_learned(calibration, document),
+        ),
         tree_csv(sets),
     )
 
@@ -105,6 +111,18 @@ def _learned(
         "flange's own row is where its base is in the world."
     )
     return parts.numbers(_frames(found, names)), parts.hint(words)
+
+
+def _zeros(document: Mapping[str, Any]) -> parts.Numbers | None:
+    """Return by how much zeros moved, with their sigmas; nothing where that was not asked."""
+    rows = []
+    for key, part, factor, digits in (("shift_deg", "rz", 180.0 / np.pi, 2),
+                                      ("shift_mm", "z", 1e3, 2)):  # fmt: skip
+        for joint, shift in document.get(key, {}).items():
+            sigma = factor * document["parameters"][f"{joint}.{part}"]["sigma"]
+            cells = number_cell(shift, digits), number_cell(sigma, digits), Cell(key[6:])
+            rows.append((joint, cells))
+    return parts.numbers(Table(("zero of", "moved by", "\u00b1", "unit"), tuple(rows)))
 
 
 def _tree(document: Mapping[str, Any]) -> tuple[parts.Numbers | parts.Text | None, ...]:

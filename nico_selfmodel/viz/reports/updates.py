@@ -99,11 +99,11 @@ def _residuals(evaluation: UpdateEvaluation) -> str:
 
 def _changes(document: Mapping[str, Any]) -> tuple[parts.Numbers | parts.Text | None, ...]:
     table = change_table(document["changes"], "learned anew")
-    return parts.numbers(table), *told_by_update(document)
+    return parts.numbers(table), _shifts(document), *told_by_update(document)
 
 
 def told_by_update(document: Mapping[str, Any]) -> tuple[parts.Text | None, ...]:
-    """Return where a tip is, how far zeros moved, and whether the rest fits; of any body.
+    """Return where a tip is, and whether the rest of the body fits; of any body.
 
     Args:
         document: `estimation.judging.to_json` of what was learned anew.
@@ -112,7 +112,6 @@ def told_by_update(document: Mapping[str, Any]) -> tuple[parts.Text | None, ...]
     still = "still fits" if document["body_fits"] else "no longer fits"
     return (
         _reach(document),
-        _shifts(document),
         parts.hint(
             "Everything else of the body was held, and what it is uncertain by is part of each "
             f"sigma. The rest {still}: misfit {misfit:.0f} where {expected:.0f} was to be expected."
@@ -136,10 +135,8 @@ def _shifts(document: Mapping[str, Any]) -> parts.Text | None:
     """Return by what angles the joints' zeros moved; None where that was not asked."""
     if "shift_deg" not in document:
         return None
-    shifts = [f"{joint} by {signed(shift, 2)}°" for joint, shift in document["shift_deg"].items()]
-    lengths = document.get("shift_mm", {}).items()
-    shifts += [f"{joint} by {signed(shift, 2)} mm" for joint, shift in lengths]
-    return parts.Text(f"Zeros moved, {', '.join(shifts)}, as displacements of the joints.")
+    shifts = (f"{joint} by {signed(shift, 2)}°" for joint, shift in document["shift_deg"].items())
+    return parts.Text(f"{', '.join(shifts)}, as angles of the joints.")
 
 
 def _errors(
