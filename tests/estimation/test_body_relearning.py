@@ -96,6 +96,7 @@ def test_a_tip_that_the_body_does_not_know_becomes_part_of_it(body, data):
     assert update.tool == TIP
     assert off @ np.linalg.solve(C, off) < 16.3  # chi-square of three, one in a thousand
     assert np.linalg.norm(off) < 2e-3
+    assert update.model.covariance is not None
     assert set(update.model.covariance.names) >= {f"{TIP}.{axis}" for axis in "xyz"}
     details = to_json(update, judge(update))
     assert details["reach_mm"]["from"] in {m.name for m in body.tree.markers}

@@ -201,7 +201,9 @@ def _with_errors_of_body(found: TreeCalibration, body: ParameterCovariance) -> L
     )
 
 
-def _set_aside(residuals: TreeResiduals, found: TreeCalibration) -> tuple[NDArray, tuple[str, ...]]:
+def _set_aside(
+    residuals: TreeResiduals, found: TreeCalibration
+) -> tuple[NDArray, tuple[str, ...], tuple[str, ...]]:
     """Return outliers of what depends on what was learned, and joints that were read wrongly."""
     seen, solution = residuals.observations, found.solution
     linear = residuals.linear(found.values)
