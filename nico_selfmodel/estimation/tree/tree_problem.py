@@ -45,10 +45,17 @@ LEAST_REDUNDANCY = 15
 class _Block:
     """Residuals by the free parameters alone, whitened or weighed by sensor."""
 
-    def __init__(self, problem: "TreeProblem", values: NDArray, whitening: PoseWhitening | None):
+    def __init__(
+        self,
+        problem: "TreeProblem",
+        values: NDArray,
+        whitening: PoseWhitening | None,
+        pulled: NDArray | None = None,
+    ) -> None:
         self._problem, self._values, self._whitening = problem, values, whitening
         self.names = problem.free_names
         self._start = problem.residuals.whole_poses(problem.residuals.parameters.tree_of(values))
+        self._pulled = pulled
 
     def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
         """Return residuals, shape (1, R), and derivatives, shape (p, 1, R)."""
@@ -56,7 +63,11 @@ class _Block:
         values = self._values.copy()
         values[problem.columns] = x
         linear = problem.residuals.linear(values, self._start)
-        r = (linear.r / problem.scale)[None]
+        r = linear.r
+        if linear.pulled is not None and self._pulled is not None:
+            # Frozen like the weights: what is left then has the derivatives J.
+            r = r + linear.pulled - self._pulled
+        r = (r / problem.scale)[None]
         J = (linear.J[problem.columns] / problem.scale)[:, None]
         return (r, J) if self._whitening is None else self._whitening.whiten(r, J)
 
@@ -98,11 +109,13 @@ class TreeProblem:
         """Standard deviation of each scalar's sensor. Shape (R,)."""
         return self.noise.sensor[self.observations.noise_group]
 
-    def program(self, values: NDArray, whitening: PoseWhitening | None) -> CalibrationProgram:
-        """Return the program about some values, with its priors. Shape (P,)."""
+    def program(
+        self, values: NDArray, whitening: PoseWhitening | None, pulled: NDArray | None = None
+    ) -> CalibrationProgram:
+        """Return the program about some values, with its priors. Shapes (P,) and (R,)."""
         program = CalibrationProgram()
         program.add_variables(self.free_names, values[self.columns])
-        program.add_residuals(_Block(self, values, whitening))
+        program.add_residuals(_Block(self, values, whitening, pulled))
         for name, (mean, sigma) in self.priors.items():
             program.add_prior(name, mean, sigma)
         return program
@@ -178,11 +191,11 @@ class TreeProblem:
             if known and not self._noise_known:
                 self.noise = self._likeliest(linear, groups, slipped, values)
             whitening = self._whitening(linear, groups, slipped)
-            solution = self.program(values, whitening).solve(
+            solution = self.program(values, whitening, linear.pulled).solve(
                 max_iterations=_STEPS_BETWEEN, tolerance=1e-7
             )
             values = self._with(values, solution)
-            linear = self.residuals.linear(values)
+            linear = self._about_poses(values, groups, slipped)
             now_slipped, now_found = slipped, found
             if known:
                 now_slipped, now_found = self._tested(linear, groups, slipped, found)
@@ -194,6 +207,22 @@ class TreeProblem:
                 break
         return self._finish(values, groups, slipped, found, known)
 
+    def _about_poses(self, values: NDArray, groups: PoseGroups, slipped: NDArray) -> TreeLinear:
+        """Take joints in each pose to be where it shows them; return what is linear there."""
+        linear = self.residuals.linear(values)
+        whitening = self._whitening(linear, groups, slipped)
+        shown = whitening.joint_errors(-(linear.r / self.scale)[:, None])[0]
+        loose = self.observations.unread_in(groups.poses, slipped)
+        sigma = np.tile(self.noise.joint, (len(shown), 1))
+        if loose is not None:
+            sigma[:-1][loose] = FREE_SIGMA
+        by_visit = np.where(self.observations.unread, 0.0, shown * sigma)
+        visit = self.observations.data.visit
+        at = np.minimum(np.searchsorted(groups.numbers, visit), len(groups.numbers) - 1)
+        at = np.where(groups.numbers[at] == visit, at, len(groups.numbers))
+        self.residuals = self.residuals.about(by_visit[at])
+        return self.residuals.linear(values)
+
     def _finish(
         self,
         values: NDArray,
@@ -202,8 +231,9 @@ class TreeProblem:
         outliers: NDArray,
         known: bool,
     ) -> TreeSolution:
-        whitening = self._whitening(self.residuals.linear(values), groups, slipped)
-        solution = self.program(values, whitening).solve(tolerance=1e-8)
+        linear = self._about_poses(values, groups, slipped)
+        whitening = self._whitening(linear, groups, slipped)
+        solution = self.program(values, whitening, linear.pulled).solve(tolerance=1e-8)
         values = self._with(values, solution)
         rows, white = self._whitened(values, groups, slipped)
         prior = np.zeros((len(self.priors), len(self.free_names)))
@@ -225,6 +255,7 @@ class TreeProblem:
             np.vstack([rows, prior]),
             np.append(white, rest),
             solution.history,
+            self.residuals.joint_errors,
         )
 
     def _whitened(
@@ -260,6 +291,7 @@ class TreeProblem:
             (k,).
         """
         groups = self._groups(solution.outliers)
+        self.residuals = self.residuals.about(solution.joint_errors)
         return self._whitened(solution.values, groups, solution.slipped[groups.numbers], beside)
 
     @property

@@ -48,3 +48,6 @@ class TreeSolution:
     rest: NDArray
     """The whitened residuals that belong to it. Shape (k,)."""
     history: tuple[float, ...] = field(default=())
+    joint_errors: NDArray | None = None
+    """Where joints were beside their readings at each sample, about which all this is linear [rad
+    or m]; None where it is linear about the readings. Shape (samples, m)."""
