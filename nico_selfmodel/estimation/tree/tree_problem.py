@@ -1,8 +1,9 @@
 """One adjustment of any body by any sensors: program, weights, variances, outliers.
 
 All that a pose shows is whitened together, because its joint noise is one draw (see
-`noise.pose_noise`). What is read wrongly by one joint in one pose (a slip) frees that joint there;
-what neither the body nor the rest of its pose explains is an outlier.
+`noise.pose_noise`), and is linear about where the pose shows its joints (see `joint_errors`). What
+is read wrongly by one joint in one pose (a slip) frees that joint there; what neither the body nor
+the rest of its pose explains is an outlier.
 """
 
 from collections.abc import Mapping
@@ -17,16 +18,12 @@ from nico_selfmodel.estimation.noise.pose_noise import (
     PoseNoise,
     PoseWhitening,
 )
-from nico_selfmodel.estimation.noise.variance_components import (
-    LEAST_OF_ALL,
-    LinearResiduals,
-    VarianceSearch,
-)
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeLinear, TreeResiduals
+from nico_selfmodel.estimation.tree.joint_errors import joint_errors
+from nico_selfmodel.estimation.tree.likeliest_noise import likeliest_noise
 from nico_selfmodel.estimation.tree.pose_tests import far_observations, slipped_joints
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
-from nico_selfmodel.model.tree.body_tree import WHOLE_POSES
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
 from nico_selfmodel.optimization.losses import Loss, robust_scale
 
@@ -36,8 +33,6 @@ _STEPS_BETWEEN = 8
 _ROUGH_ROUNDS, _ROUGH_STEPS = 10, 6
 _FIRST_JOINT = np.radians(0.1)
 """Where the search for the joints' standard deviation begins [rad]."""
-_LEAST_SHARE = 0.02
-"""Part of the residuals below which a standard deviation counts as none."""
 LEAST_REDUNDANCY = 15
 """Equations more than parameters below which kinds of noise cannot be told apart."""
 
@@ -208,19 +203,12 @@ class TreeProblem:
         return self._finish(values, groups, slipped, found, known)
 
     def _about_poses(self, values: NDArray, groups: PoseGroups, slipped: NDArray) -> TreeLinear:
-        """Take joints in each pose to be where it shows them; return what is linear there."""
+        """Take joints to be where each pose shows them; return what is linear there."""
         linear = self.residuals.linear(values)
         whitening = self._whitening(linear, groups, slipped)
-        shown = whitening.joint_errors(-(linear.r / self.scale)[:, None])[0]
         loose = self.observations.unread_in(groups.poses, slipped)
-        sigma = np.tile(self.noise.joint, (len(shown), 1))
-        if loose is not None:
-            sigma[:-1][loose] = FREE_SIGMA
-        by_visit = np.where(self.observations.unread, 0.0, shown * sigma)
-        visit = self.observations.data.visit
-        at = np.minimum(np.searchsorted(groups.numbers, visit), len(groups.numbers) - 1)
-        at = np.where(groups.numbers[at] == visit, at, len(groups.numbers))
-        self.residuals = self.residuals.about(by_visit[at])
+        errors = joint_errors(self.observations, whitening, linear.r / self.scale, loose)
+        self.residuals = self.residuals.about(errors)
         return self.residuals.linear(values)
 
     def _finish(
@@ -360,66 +348,6 @@ class TreeProblem:
         by_joint = linear.by_joint / self.scale[:, None] * sigma
         far = far_observations(self.observations, whitening, r, J, by_joint, prior, outliers)
         return found, far
-
-
-def likeliest_noise(
-    data: TreeObservations,
-    linear: TreeLinear,
-    groups: PoseGroups,
-    slipped: NDArray | None,
-    start: TreeNoise,
-    information: NDArray,
-) -> TreeNoise:
-    """Return the noise that residuals ask for, with what fitting took from them.
-
-    Args:
-        data: What was measured.
-        linear: Residuals about what is known beforehand, and their derivatives by what is
-            estimated.
-        groups: What belongs to one pose.
-        slipped: Joints that were read wrongly in a pose, if any. Boolean, (poses, m).
-        start: Where the search begins.
-        information: Inverse variances of what is known beforehand. Shape (P,).
-    """
-    residuals = LinearResiduals(
-        groups,
-        groups.gather(linear.r[:, None, None]),
-        groups.gather(linear.J.T[:, None]),
-        linear.by_joint[:, None],
-        data.noise_group[:, None],
-        slipped,
-        information,
-    )
-    group, counts = _joint_groups(data)
-    kept = groups.rows
-    left = _rms_by_group(residuals.left(start.sensor, start.joint)[:, 0], data, kept)
-    rms = np.maximum(left, LEAST_OF_ALL / _LEAST_SHARE * _rms_by_group(linear.r, data, kept))
-    by_joint = linear.by_joint[kept][:, ~data.unread] / rms[data.noise_group[kept], None]
-    lever = float(np.sqrt(np.mean(by_joint**2))) if by_joint.size else 1.0
-    floor = np.append(_LEAST_SHARE * rms, np.full(counts, _LEAST_SHARE / max(lever, 1e-12)))
-    known = np.zeros(len(group))
-    search = VarianceSearch(residuals, known, group, np.maximum(floor, 1e-12), data.sigma_held)
-    found = search.run(start.sensor, start.joint)
-    return TreeNoise(found.sensor, found.joint)
-
-
-def _rms_by_group(r: NDArray, data: TreeObservations, kept: NDArray) -> NDArray:
-    """Return the root mean square of the scalars that count of each noise group. Shape (G,)."""
-    group = data.noise_group[kept]
-    squares = np.bincount(group, r[kept] ** 2, minlength=len(data.noise_groups))
-    return np.sqrt(squares / np.bincount(group, minlength=len(squares)))
-
-
-def _joint_groups(observations: TreeObservations) -> tuple[NDArray, int]:
-    """Return which noisy parts share a sigma: joints alike, a flange's turns and shifts."""
-    names = []
-    for i, part in observations.noisy_joints:
-        joint = observations.data.joints[i]
-        own = f"{joint.name} {part // 3}" if joint.motion in WHOLE_POSES else joint.motion
-        names.append(own)
-    _, first, group = np.unique(names, return_index=True, return_inverse=True)
-    order = np.argsort(np.argsort(first))
-    return order[group], len(first)
 
 
 def _regrouped(slipped: NDArray, old: PoseGroups, new: PoseGroups) -> NDArray:

@@ -49,5 +49,5 @@ class TreeSolution:
     """The whitened residuals that belong to it. Shape (k,)."""
     history: tuple[float, ...] = field(default=())
     joint_errors: NDArray | None = None
-    """Where joints were beside their readings at each sample, about which all this is linear [rad
-    or m]; None where it is linear about the readings. Shape (samples, m)."""
+    """How far joints were taken to be from their readings at each sample, about which all this is
+    linear: see `joint_errors`; None for not at all. Shape (samples, m)."""

@@ -165,7 +165,8 @@ class TreeResiduals:
         motion = self.motion(tree, start)
         slopes = self.parameters.turn_slopes(values)
         parts = [self._linear(tree, motion, slopes, rows) for rows in self.observations.sensors]
-        r, by_joint = (np.concatenate(part) for part in zip(*((p.r, p.by_joint) for p in parts)))
+        r = np.concatenate([p.r for p in parts])
+        by_joint = np.concatenate([p.by_joint for p in parts])
         pulled = None
         if self.joint_errors is not None:
             pulled = np.sum(by_joint * self.joint_errors[self.observations.sample], axis=1)
