@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.pose_noise import FREE_SIGMA, PoseWhitening
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.model.tree.body_tree import WHOLE_POSES
 
 
 def joint_errors(
@@ -31,15 +32,17 @@ def joint_errors(
         loose: What says nothing in a visit, if any. Boolean, shape (visits, m).
 
     Returns:
-        Of `TreeObservations.noisy_joints` [rad or m]; nothing where nothing was seen, and of poses
-        that nobody reads, which fit best anyhow. Shape (samples, m).
+        Of `TreeObservations.noisy_joints` [rad or m]; nothing where nothing was seen, and of whole
+        poses, which stay as they are read or fit best. Shape (samples, m).
     """
     numbers, known = whitening.groups.numbers, whitening.noise.joint_sigma
     sigma = np.tile(known, (len(numbers) + 1, 1))
     if loose is not None:
         sigma[:-1] = np.where(loose, FREE_SIGMA, known)
     by_visit = whitening.joint_errors(-r[:, None])[0] * sigma
-    by_visit[:, observations.unread] = 0.0
+    joints = observations.data.joints
+    whole = [joints[i].motion in WHOLE_POSES for i, _ in observations.noisy_joints]
+    by_visit[:, whole] = 0.0
     visit = observations.data.visit
     at = np.minimum(np.searchsorted(numbers, visit), len(numbers) - 1)
     return np.asarray(by_visit[np.where(numbers[at] == visit, at, len(numbers))])

@@ -67,8 +67,8 @@ class TreeResiduals:
             observations: What was measured.
             parameters: Of the body.
             joint_errors: How far joints are taken to be from their readings where `linear` is: by
-                sample, of `TreeObservations.noisy_joints` [rad or m]; nothing if omitted. Parts of
-                whole poses are not moved. Shape (P, m).
+                sample, of `TreeObservations.noisy_joints` [rad or m], zero of whole poses; none
+                if omitted. Shape (P, m).
         """
         self.observations, self.parameters = observations, parameters
         self.joint_errors = joint_errors
