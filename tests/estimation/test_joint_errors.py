@@ -50,7 +50,7 @@ def test_poses_are_explained_by_their_joints_to_the_noise_of_the_cameras():
 @pytest.mark.slow
 def test_axes_are_known_as_well_as_they_say_where_corners_are_good():
     squares = []
-    for seed in range(2, 6):
+    for seed in (2, 3):
         data = whole_body_session(STIFF, seed, 0, looks=60, hands=80, pixel_sigma=CORNER)
         found = calibrate_tree(data, effects=None)
         squares.append(axis_deviations(found, whole_nico(STIFF, seed)[0]) ** 2)
