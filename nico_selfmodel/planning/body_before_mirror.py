@@ -11,10 +11,12 @@ from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.tree.standing_mirror import StandingMirror
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import listed
 from nico_selfmodel.planning.body_poses import ROOM, SIDE, BodyView
 from nico_selfmodel.planning.mirror_view import LEAST_SIDE
+from nico_selfmodel.planning.telling_mirror_poses import most_telling
 from nico_selfmodel.planning.visible_workspace import FACING
 from nico_selfmodel.systems.simulated.glass import Glass
 
@@ -141,7 +143,7 @@ class BodyBeforeMirror:
         )
 
     def by_turns(
-        self, cards: Sequence[str], count: int, rng: np.random.Generator
+        self, cards: Sequence[str], count: int, rng: np.random.Generator, pool: int = 0
     ) -> list[tuple[str, NDArray]]:
         """Draw poses in which every camera sees one of several cards in the glass, by turns.
 
@@ -149,6 +151,8 @@ class BodyBeforeMirror:
             cards: Their names.
             count: How many poses.
             rng: Source of the draws.
+            pool: Poses of each card to choose from by what they would tell of the glass; those that
+                were drawn first are taken where there are no more of them.
 
         Returns:
             Which card it is, and angles of the commanded joints [rad], shape (k,).
@@ -158,12 +162,35 @@ class BodyBeforeMirror:
         """
         each = [(count + len(cards) - 1 - k) // len(cards) for k in range(len(cards))]
         drawn = [
-            [(card, q) for q in self.poses([card], number, rng)]
+            [(card, q) for q in self._telling(card, number, rng, pool)]
             for card, number in zip(cards, each, strict=True)
             if number
         ]
         order = sorted((i, k) for k, found in enumerate(drawn) for i in range(len(found)))
         return [drawn[k][i] for i, k in order]
+
+    def _telling(self, card: str, count: int, rng: np.random.Generator, pool: int) -> NDArray:
+        """Return poses that show a card, of more of them those that tell most. Shape (count, k)."""
+        q = self.poses([card], max(count, pool), rng)
+        if len(q) == count:
+            return q
+        tree, posture = self.view.tree, self.view.posture(q)
+        own = len(self.view.body.tree.markers)
+        # What is fixed to the body is seen from all sides, but for cards: they face the glass.
+        shows = np.array([m.name == card or not m.oriented for m in tree.markers[:own]])
+        reflected = np.zeros((len(q), len(tree.sensors), len(tree.markers)), dtype=bool)
+        reflected[:, :, :own] = self.seen(q) & shows
+        direct = self.view.seen(q) & ~self._behind(q)
+        direct[:, :, :own] &= np.array([not m.oriented for m in tree.markers[:own]])
+        glass = StandingMirror("glass", self.glass.plane)
+        return q[most_telling(tree, glass, posture, direct, reflected, count)]
+
+    def _behind(self, q: NDArray) -> NDArray:
+        """Return which markers the glass hides from which cameras. (N, cameras, markers)."""
+        tree, motion = self.view.tree, TreeMotion.at(self.view.tree, self.view.posture(q))
+        p_WM = np.stack([motion.pose_of(m)[1].T for m in tree.markers], axis=1)
+        cameras = [motion.pose_of(sensor)[1].T[:, None] for sensor in tree.sensors]
+        return np.stack([self.glass.between(p, p_WM) for p in cameras], axis=1)
 
     def _free(self, q: NDArray, markers: Sequence[str]) -> bool:
         """Return whether a pose touches nothing and hides no card's reflection, where it counts.

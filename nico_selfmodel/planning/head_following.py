@@ -17,6 +17,8 @@ from nico_selfmodel.plant.looking.gaze import GazeSolver
 _ASIDE = 0.04
 """How far beside the hand the head may look, along each axis [m]: a hand that is always in the
 images' middle tells nothing of lenses, nor of an axis through it."""
+_MOST = 20
+"""Poses that are turned at once: where nothing hides a hand, most of those drawn could be."""
 _NEXT, _STIFF = 2, 10.0
 """Joints next to a camera that turn it anywhere, and how much more the others stay where they are:
 a neck that bent to each hand would bring most of them too near."""
@@ -73,6 +75,8 @@ class HeadFollowing:
         columns, found = self.view.body.columns, []
         for i in near[self._beside(motion, near, aims)].tolist():
             # Turning the head moves its cameras little: what hides the hand now will hide it then.
+            if len(found) == _MOST:
+                break
             if self.view.free(q[i], [self.marker]):
                 found.extend(self._looking(posture[i], aims[i]))
         return np.reshape(found, (-1, posture.shape[1]))[:, columns]

@@ -1,6 +1,6 @@
 """One simulated whole Nico that looks at a room and at its hands through rendered pictures."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.planning.plans import Plan, given_commands
-from nico_selfmodel.recording.session import Progress, record
+from nico_selfmodel.recording.session import Body, Progress, record
 from nico_selfmodel.sessions.whole_recording import WholeRecording
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
@@ -79,6 +79,7 @@ class RenderedBody:
         learned: BodyModel | None = None,
         poses: NDArray | None = None,
         progress: Progress | None = None,
+        watch: Callable[[StationBody], Body] | None = None,
     ) -> BodyDataset:
         """Let it look about the room, then at its hands.
 
@@ -93,6 +94,7 @@ class RenderedBody:
                 omitted.
             poses: Visited instead [encoder units]. Shape (N, k).
             progress: Called after each pose.
+            watch: Stands between it and the recording, which then has its pictures, if given.
 
         Returns:
             What its cameras saw of room and hands, see `WholeRecording.dataset`.
@@ -104,13 +106,13 @@ class RenderedBody:
         """
         whole, rng = self.whole, np.random.default_rng((self.seed, session, 26))
         with self.station(session, None if lenses is None else StereoRig(*lenses.values())) as nico:
-            body = StationBody(nico, nico.joints, whole.tracked)
+            body = StationBody(nico, nico.joints, whole.tracked, keep_images=watch is not None)
             if poses is None:
                 known = whole.known(learned, nico.joints)
                 poses = whole.commands(nico.joints, whole.plan(looks, hands, rng, known))
             plan: Plan = given_commands(nico.joints, poses)
             data = record(
-                body,
+                body if watch is None else watch(body),
                 plan,
                 name,
                 source=f"rendered whole nico, world {nico.world.name!r}, individual {self.seed}, "

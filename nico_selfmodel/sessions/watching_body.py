@@ -12,6 +12,7 @@ from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.names import listed
 from nico_selfmodel.planning.body_before_mirror import BodyBeforeMirror
 from nico_selfmodel.sessions.live_station import LiveStation
+from nico_selfmodel.sessions.mirrors.body_recorded_before_mirrors import FINE
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR
 from nico_selfmodel.sessions.rendered_body import QUICK, RenderedBody
 from nico_selfmodel.sessions.watching import ELSEWHERE, ELSEWHERE_M
@@ -69,8 +70,7 @@ class WatchingBody(LiveStation[WholeBodyView, Mapping[str, NDArray]]):
             f"{side} hand": corner_names(marker) for side, marker in self.whole.hands.items()
         }
         lenses = [model.tree.lenses[sensor.name] for sensor in model.tree.sensors]
-        # Reflections are small: coarse pictures do not show what is printed on a hand.
-        usual = QUICK if mirror is None else ImageQuality()
+        usual = QUICK if mirror is None else FINE
         robot = RenderedBody(world, seed, self.whole, quality or usual)
         self._before = None if mirror is None else _before(model, self.whole, *mirror)
         plate = None if mirror is None else _PLATE

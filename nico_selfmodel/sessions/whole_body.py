@@ -14,6 +14,7 @@ from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_tree import WORLD, Attached, BodyTree
 from nico_selfmodel.planning.body_poses import BodyView
+from nico_selfmodel.planning.head_following import HeadFollowing
 from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.recording.session import Progress, record
 from nico_selfmodel.systems.looking import ARM_JOINTS, looking_body
@@ -77,8 +78,9 @@ def whole_body_session(
 ) -> BodyDataset:
     """Record a whole Nico: its head turns before a known room, then each hand before its cameras.
 
-    Poses are those in which the robot as described would see what is wanted; what hides markers is
-    not simulated. The room stands still, and the places of its markers are known.
+    Poses are those in which the robot as described would see what is wanted, its head following the
+    hand; what hides markers is not simulated. The room stands still, and the places of its markers
+    are known.
 
     Args:
         world: What is wrong with the body.
@@ -105,7 +107,9 @@ def whole_body_session(
     poses = [view.poses(list(room), IN_ROOM, looks, rng)] if looks else []
     for side in ARM_JOINTS if hands else ():
         own = [f"{side}_hand_fiducial", f"{side}_finger_tip"]
-        poses.append(view.poses(own, len(own), hands, rng, also=(list(room), IN_ROOM)))
+        head = HeadFollowing(view, own[0], (list(room), IN_ROOM), rng)
+        drawn = view.poses(own, len(own), hands, rng, also=head.beside, turned=head.turned)
+        poses.append(drawn)
     robot = SimulatedRobot(
         RobotInstance(nico.mechanics, X_TB=nico.X_TB),
         StereoPixels(pixel_sigma),

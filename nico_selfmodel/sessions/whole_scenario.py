@@ -22,7 +22,7 @@ from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.sessions.body_truth import mechanics_left
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.sessions.rendered_body import QUICK, RenderedBody
-from nico_selfmodel.sessions.room_lenses import lenses_from_cards
+from nico_selfmodel.sessions.room_lenses import lenses_of, look_about
 from nico_selfmodel.sessions.whole_recording import WholeRecording, with_lenses
 from nico_selfmodel.systems.looking import HEAD_JOINTS
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
@@ -98,11 +98,8 @@ def learn_whole(
     robot = RenderedBody(world, seed, whole, quality or QUICK)
     # What cannot be seen is said before anything is recorded.
     whole.plan(1, 1, np.random.default_rng(seed))
-    looks = robot.record(
-        "looks", 0, counts.looks, 0, progress=telling(stage, "looking about the room")
-    )
-    alone = lenses_from_cards(looks, whole.cards)
-    lenses = {name: found.cameras[0] for name, found in alone.items()}
+    looks, alone = look_about(robot, counts.looks, telling(stage, "looking about the room"))
+    lenses = lenses_of(alone)
     train = with_lenses(looks, lenses)
     hands = counts.hands if arms else 0
     head = _learned_head(train) if hands else None

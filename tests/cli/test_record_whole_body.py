@@ -38,8 +38,10 @@ def lenses(tmp_path_factory):
         (("--head", "--circle", 6), "--circle is for one arm"),
         (("--head", "--random", 0, "--circle", 0), "nothing to record"),
         (("--head", "--room", "nowhere.yaml"), "nowhere.yaml"),
-        (("--head", "--sensor", "stereo-color"), "leave out --mirror, --images and --sensor"),
+        (("--head", "--sensor", "stereo-color"), "leave out --images and --sensor"),
         (("--head", "--port", "nowhere"), "--room is missing"),
+        (("--head", "--mirror", "glass=1,2"), "--mirror glass=1,2: expected ID=distance"),
+        (("--head", "--mirror", "glass"), "nothing to see in a mirror: an arm must move"),
     ],
 )
 def test_what_does_not_fit_is_one_clear_line(command, words, said, tmp_path, lenses):

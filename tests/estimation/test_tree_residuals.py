@@ -187,3 +187,36 @@ def test_what_bends_moves_the_residuals_as_its_derivative_says(which, request):
             )
         else:
             assert not linear.J[i].any(), name
+
+
+@pytest.mark.parametrize("which", ["scene", "mirrored"])
+def test_about_joint_errors_all_is_linear_where_the_joints_are_then(which, request):
+    data, parameters, x = request.getfixturevalue(which)
+    observations, rng = TreeObservations.of(data), np.random.default_rng(3)
+    read = [JOINTS[i].motion != "flange" for i, _ in observations.noisy_joints]
+    errors = 0.2 * rng.normal(size=(len(data.sample), len(read))) * read
+
+    def shown(x, errors):
+        off, gear = data.readings.copy(), parameters.tree_of(x).gear
+        for m, (i, _) in enumerate(observations.noisy_joints):
+            if read[m]:
+                off[:, i] += errors[:, m] * gear[i] / JOINTS[i].si_per_unit
+        erring = TreeObservations.of(replace(data, readings=off))
+        return TreeResiduals(erring, parameters).residuals(x)
+
+    about = TreeResiduals(observations, parameters, errors)
+    linear = about.linear(x)
+    assert linear.r + linear.pulled == pytest.approx(shown(x, errors))
+    pulled = np.sum(linear.by_joint * errors[observations.sample], axis=1)
+    assert linear.pulled == pytest.approx(pulled)
+    assert about.residuals(x) == pytest.approx(TreeResiduals(observations, parameters).residuals(x))
+    for i, name in enumerate(parameters.names):
+        step = np.zeros(len(x))
+        step[i] = 1e-6 * max(1.0, abs(x[i]) / 100.0)
+        slope = (shown(x + step, errors) - shown(x - step, errors)) / (2.0 * step[i])
+        assert linear.J[i] == pytest.approx(slope, abs=2e-6 * (1.0 + np.abs(slope).max())), name
+    for m in np.flatnonzero(read):
+        step = np.zeros_like(errors)
+        step[:, m] = 1e-6
+        slope = (shown(x, errors + step) - shown(x, errors - step)) / 2e-6
+        assert linear.by_joint[:, m] == pytest.approx(slope, abs=2e-6 * (1.0 + np.abs(slope).max()))

@@ -44,7 +44,7 @@ def pixels(tree, motion):
     for sensor in tree.sensors:
         R, p = motion.pose_of(sensor)
         X_CW = inverse(transform(R.transpose(2, 0, 1), p.T))
-        p_CM = apply(X_CW, p_WM[:, None])[:, 0]
+        p_CM = apply(X_CW, p_WM)
         out.append(tree.lenses[sensor.name].at(np.eye(4)).project(p_CM))
     return np.hstack(out)
 

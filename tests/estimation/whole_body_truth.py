@@ -15,8 +15,9 @@ def axes_in_the_room(motion, joints):
 
 def true_motion(nico, encoders):
     """Where a body that knew itself exactly would expect everything: what sags, but no play."""
-    q = nico.mechanics.expected_angles(encoders)
-    return TreeMotion.at(nico.mechanics.tree, q)
+    mechanics = nico.mechanics
+    q = np.vstack([mechanics.posture(row) for row in mechanics.expected_angles(encoders)])
+    return TreeMotion.at(mechanics.tree, q)
 
 
 def axis_deviations(found, nico):

@@ -25,8 +25,11 @@ def test_a_hand_that_no_picture_shows_is_named_before_more_is_recorded(monkeypat
         table = data.observations.select(~np.isin(data.observations.marker, left))
         return replace(data, observations=table)
 
+    def look_about(robot, looks, progress):
+        return robot.record("looks", 0, looks, 0), {}
+
     monkeypatch.setattr(RenderedBody, "record", record)
-    monkeypatch.setattr(whole_scenario, "lenses_from_cards", lambda looks, cards: {})
+    monkeypatch.setattr(whole_scenario, "look_about", look_about)
     monkeypatch.setattr(whole_scenario, "with_lenses", lambda data, lenses: data)
     with pytest.raises(DataError, match=r"no picture shows left_hand_fiducial.*left hand"):
         learn_whole("thesis", 3, arms=("left",))

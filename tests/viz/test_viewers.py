@@ -3,6 +3,8 @@
 import base64
 import logging
 import re
+import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -17,7 +19,7 @@ from pydrake.geometry import Meshcat, MeshcatParams
 
 from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.viz.live.drake_backend import draw_in_drake, static_html
-from nico_selfmodel.viz.live.live_page import LivePage, opened
+from nico_selfmodel.viz.live.live_page import LivePage, opened, recorded
 from nico_selfmodel.viz.live.meshcat_backend import publish
 from nico_selfmodel.viz.scene.arm_scene import calibration_scene
 from nico_selfmodel.viz.scene.scene import ROOT, Camera, Scene
@@ -196,3 +198,23 @@ def test_the_live_page_is_drakes_own_with_its_sliders_open_and_hands_on_the_rest
 
 def test_a_page_that_it_was_not_made_for_stays_as_it_is():
     assert opened("<p>other</p>", "http://localhost:7000") == "<p>other</p>"
+    assert recorded("<p>other</p>") == "<p>other</p>"
+
+
+def test_a_reader_that_leaves_before_it_has_everything_is_nothing_to_tell(capfd):
+    meshcat = Meshcat(MeshcatParams(host="localhost"))
+    with LivePage(meshcat) as page:
+        with urllib.request.urlopen(page.url, timeout=10.0) as answer:
+            (script,) = re.findall(r'src="([^"]*)"', answer.read().decode("utf-8"))[:1]
+        with socket.create_connection(("127.0.0.1", int(page.url.rpartition(":")[2]))) as gone:
+            gone.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            gone.sendall(f"GET /{script} HTTP/1.0\r\n\r\n".encode())
+            gone.recv(10)
+        with urllib.request.urlopen(page.url, timeout=10.0) as answer:
+            assert answer.status == 200
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_a_recorded_page_shows_narrow_windows_all_of_the_scene():
+    page = recorded("<html><head></head><body>scene</body></html>")
+    assert page.index("width=device-width") < page.index("scene") < page.index("camera.zoom = zoom")

@@ -91,7 +91,8 @@ def record(
 
     Motion capture watches any arm (--robot, of a URDF with --base and --tip), cameras Nico's.
     An interrupted recording goes on. With --head, or --cameras a body (body.yaml), a whole Nico
-    is recorded that looks about a room and, --random times, at each of its hands.
+    is recorded that looks about a room and, --random times, at each of its hands; with --mirror at
+    its hands in each mirror.
     """
     from nico_selfmodel.files.whole import refuse_existing
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named

@@ -53,10 +53,9 @@ class WholeRequest:
             if arms is not None or room is not None:
                 raise ValueError("--arms and --room need --head, which turns to hands and cards")
             return None
-        if request.mirrors or request.images or request.sensor != "stereo-fiducial":
+        if request.images or request.sensor != "stereo-fiducial":
             raise ValueError(
-                "a whole body is recorded by markers on its hands: leave out --mirror, --images "
-                "and --sensor"
+                "a whole body is recorded by markers on its hands: leave out --images and --sensor"
             )
         if circle is not None:
             raise ValueError("--circle is for one arm: a whole body is sent to --random poses")
@@ -134,6 +133,9 @@ def record_body(asked: WholeRequest, world: "Imperfections") -> None:
 
     request = asked.request
     refuse_existing(request.out, force=False)
+    if request.mirrors:
+        asked.save(_before_mirrors(asked, world))
+        return
     with printer.progress_bar() as progress:
         data = RenderedBody(world, request.seed, asked.whole).record(
             inputs.name_after(request.out),
@@ -145,6 +147,28 @@ def record_body(asked: WholeRequest, world: "Imperfections") -> None:
             progress=lambda done, total: progress("moving and looking", done, total),
         )
     asked.save(data)
+
+
+def _before_mirrors(asked: WholeRequest, world: "Imperfections") -> "BodyDataset":
+    """Let it look at its hands in mirrors."""
+    from nico_selfmodel.sessions.mirrors.body_recorded_before_mirrors import (
+        body_recorded_before_mirrors,
+    )
+    from nico_selfmodel.sessions.mirrors.nico_before_mirrors import mirrors_of_words
+
+    request = asked.request
+    with printer.progress_bar() as progress:
+        return body_recorded_before_mirrors(
+            world,
+            request.seed,
+            request.session,
+            asked.whole,
+            mirrors_of_words(request.mirrors),
+            request.random,
+            inputs.name_after(request.out),
+            lenses=asked.lenses,
+            progress=lambda done, total: progress("looking into mirrors", done, total),
+        )
 
 
 def record_real_body(asked: WholeRequest, hardware: "Hardware") -> None:

@@ -372,7 +372,8 @@ def _as_described(problem: TreeProblem, solution: TreeSolution, seen: BodyDatase
     values[parameters.bends] = 0.0
     held = parameters.of_joint_frames | set(parameters.names[parameters.bends])
     free = frozenset(problem.free_names) - held
-    placed = TreeProblem(problem.residuals, free, {}).rough(values)[0]
+    residuals = problem.residuals.about(None)
+    placed = TreeProblem(residuals, free, {}).rough(values)[0]
     return errors_of(parameters.tree_of(placed), seen)
 
 

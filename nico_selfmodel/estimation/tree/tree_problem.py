@@ -1,8 +1,9 @@
 """One adjustment of any body by any sensors: program, weights, variances, outliers.
 
 All that a pose shows is whitened together, because its joint noise is one draw (see
-`noise.pose_noise`). What is read wrongly by one joint in one pose (a slip) frees that joint there;
-what neither the body nor the rest of its pose explains is an outlier.
+`noise.pose_noise`), and is linear about where the pose shows its joints (see `joint_errors`). What
+is read wrongly by one joint in one pose (a slip) frees that joint there; what neither the body nor
+the rest of its pose explains is an outlier.
 """
 
 from collections.abc import Mapping
@@ -17,16 +18,12 @@ from nico_selfmodel.estimation.noise.pose_noise import (
     PoseNoise,
     PoseWhitening,
 )
-from nico_selfmodel.estimation.noise.variance_components import (
-    LEAST_OF_ALL,
-    LinearResiduals,
-    VarianceSearch,
-)
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeLinear, TreeResiduals
+from nico_selfmodel.estimation.tree.joint_errors import joint_errors
+from nico_selfmodel.estimation.tree.likeliest_noise import likeliest_noise
 from nico_selfmodel.estimation.tree.pose_tests import far_observations, slipped_joints
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
-from nico_selfmodel.model.tree.body_tree import WHOLE_POSES
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
 from nico_selfmodel.optimization.losses import Loss, robust_scale
 
@@ -36,8 +33,6 @@ _STEPS_BETWEEN = 8
 _ROUGH_ROUNDS, _ROUGH_STEPS = 10, 6
 _FIRST_JOINT = np.radians(0.1)
 """Where the search for the joints' standard deviation begins [rad]."""
-_LEAST_SHARE = 0.02
-"""Part of the residuals below which a standard deviation counts as none."""
 LEAST_REDUNDANCY = 15
 """Equations more than parameters below which kinds of noise cannot be told apart."""
 
@@ -45,10 +40,17 @@ LEAST_REDUNDANCY = 15
 class _Block:
     """Residuals by the free parameters alone, whitened or weighed by sensor."""
 
-    def __init__(self, problem: "TreeProblem", values: NDArray, whitening: PoseWhitening | None):
+    def __init__(
+        self,
+        problem: "TreeProblem",
+        values: NDArray,
+        whitening: PoseWhitening | None,
+        pulled: NDArray | None = None,
+    ) -> None:
         self._problem, self._values, self._whitening = problem, values, whitening
         self.names = problem.free_names
         self._start = problem.residuals.whole_poses(problem.residuals.parameters.tree_of(values))
+        self._pulled = pulled
 
     def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
         """Return residuals, shape (1, R), and derivatives, shape (p, 1, R)."""
@@ -56,7 +58,11 @@ class _Block:
         values = self._values.copy()
         values[problem.columns] = x
         linear = problem.residuals.linear(values, self._start)
-        r = (linear.r / problem.scale)[None]
+        r = linear.r
+        if linear.pulled is not None and self._pulled is not None:
+            # Frozen like the weights: what is left then has the derivatives J.
+            r = r + linear.pulled - self._pulled
+        r = (r / problem.scale)[None]
         J = (linear.J[problem.columns] / problem.scale)[:, None]
         return (r, J) if self._whitening is None else self._whitening.whiten(r, J)
 
@@ -98,11 +104,13 @@ class TreeProblem:
         """Standard deviation of each scalar's sensor. Shape (R,)."""
         return self.noise.sensor[self.observations.noise_group]
 
-    def program(self, values: NDArray, whitening: PoseWhitening | None) -> CalibrationProgram:
-        """Return the program about some values, with its priors. Shape (P,)."""
+    def program(
+        self, values: NDArray, whitening: PoseWhitening | None, pulled: NDArray | None = None
+    ) -> CalibrationProgram:
+        """Return the program about some values, with its priors. Shapes (P,) and (R,)."""
         program = CalibrationProgram()
         program.add_variables(self.free_names, values[self.columns])
-        program.add_residuals(_Block(self, values, whitening))
+        program.add_residuals(_Block(self, values, whitening, pulled))
         for name, (mean, sigma) in self.priors.items():
             program.add_prior(name, mean, sigma)
         return program
@@ -178,11 +186,11 @@ class TreeProblem:
             if known and not self._noise_known:
                 self.noise = self._likeliest(linear, groups, slipped, values)
             whitening = self._whitening(linear, groups, slipped)
-            solution = self.program(values, whitening).solve(
+            solution = self.program(values, whitening, linear.pulled).solve(
                 max_iterations=_STEPS_BETWEEN, tolerance=1e-7
             )
             values = self._with(values, solution)
-            linear = self.residuals.linear(values)
+            linear = self._about_poses(values, groups, slipped)
             now_slipped, now_found = slipped, found
             if known:
                 now_slipped, now_found = self._tested(linear, groups, slipped, found)
@@ -194,6 +202,15 @@ class TreeProblem:
                 break
         return self._finish(values, groups, slipped, found, known)
 
+    def _about_poses(self, values: NDArray, groups: PoseGroups, slipped: NDArray) -> TreeLinear:
+        """Take joints to be where each pose shows them; return what is linear there."""
+        linear = self.residuals.linear(values)
+        whitening = self._whitening(linear, groups, slipped)
+        loose = self.observations.unread_in(groups.poses, slipped)
+        errors = joint_errors(self.observations, whitening, linear.r / self.scale, loose)
+        self.residuals = self.residuals.about(errors)
+        return self.residuals.linear(values)
+
     def _finish(
         self,
         values: NDArray,
@@ -202,8 +219,9 @@ class TreeProblem:
         outliers: NDArray,
         known: bool,
     ) -> TreeSolution:
-        whitening = self._whitening(self.residuals.linear(values), groups, slipped)
-        solution = self.program(values, whitening).solve(tolerance=1e-8)
+        linear = self._about_poses(values, groups, slipped)
+        whitening = self._whitening(linear, groups, slipped)
+        solution = self.program(values, whitening, linear.pulled).solve(tolerance=1e-8)
         values = self._with(values, solution)
         rows, white = self._whitened(values, groups, slipped)
         prior = np.zeros((len(self.priors), len(self.free_names)))
@@ -225,6 +243,7 @@ class TreeProblem:
             np.vstack([rows, prior]),
             np.append(white, rest),
             solution.history,
+            self.residuals.joint_errors,
         )
 
     def _whitened(
@@ -260,6 +279,7 @@ class TreeProblem:
             (k,).
         """
         groups = self._groups(solution.outliers)
+        self.residuals = self.residuals.about(solution.joint_errors)
         return self._whitened(solution.values, groups, solution.slipped[groups.numbers], beside)
 
     @property
@@ -328,66 +348,6 @@ class TreeProblem:
         by_joint = linear.by_joint / self.scale[:, None] * sigma
         far = far_observations(self.observations, whitening, r, J, by_joint, prior, outliers)
         return found, far
-
-
-def likeliest_noise(
-    data: TreeObservations,
-    linear: TreeLinear,
-    groups: PoseGroups,
-    slipped: NDArray | None,
-    start: TreeNoise,
-    information: NDArray,
-) -> TreeNoise:
-    """Return the noise that residuals ask for, with what fitting took from them.
-
-    Args:
-        data: What was measured.
-        linear: Residuals about what is known beforehand, and their derivatives by what is
-            estimated.
-        groups: What belongs to one pose.
-        slipped: Joints that were read wrongly in a pose, if any. Boolean, (poses, m).
-        start: Where the search begins.
-        information: Inverse variances of what is known beforehand. Shape (P,).
-    """
-    residuals = LinearResiduals(
-        groups,
-        groups.gather(linear.r[:, None, None]),
-        groups.gather(linear.J.T[:, None]),
-        linear.by_joint[:, None],
-        data.noise_group[:, None],
-        slipped,
-        information,
-    )
-    group, counts = _joint_groups(data)
-    kept = groups.rows
-    left = _rms_by_group(residuals.left(start.sensor, start.joint)[:, 0], data, kept)
-    rms = np.maximum(left, LEAST_OF_ALL / _LEAST_SHARE * _rms_by_group(linear.r, data, kept))
-    by_joint = linear.by_joint[kept][:, ~data.unread] / rms[data.noise_group[kept], None]
-    lever = float(np.sqrt(np.mean(by_joint**2))) if by_joint.size else 1.0
-    floor = np.append(_LEAST_SHARE * rms, np.full(counts, _LEAST_SHARE / max(lever, 1e-12)))
-    known = np.zeros(len(group))
-    search = VarianceSearch(residuals, known, group, np.maximum(floor, 1e-12), data.sigma_held)
-    found = search.run(start.sensor, start.joint)
-    return TreeNoise(found.sensor, found.joint)
-
-
-def _rms_by_group(r: NDArray, data: TreeObservations, kept: NDArray) -> NDArray:
-    """Return the root mean square of the scalars that count of each noise group. Shape (G,)."""
-    group = data.noise_group[kept]
-    squares = np.bincount(group, r[kept] ** 2, minlength=len(data.noise_groups))
-    return np.sqrt(squares / np.bincount(group, minlength=len(squares)))
-
-
-def _joint_groups(observations: TreeObservations) -> tuple[NDArray, int]:
-    """Return which noisy parts share a sigma: joints alike, a flange's turns and shifts."""
-    names = []
-    for i, part in observations.noisy_joints:
-        joint = observations.data.joints[i]
-        own = f"{joint.name} {part // 3}" if joint.motion in WHOLE_POSES else joint.motion
-        names.append(own)
-    _, first, group = np.unique(names, return_index=True, return_inverse=True)
-    order = np.argsort(np.argsort(first))
-    return order[group], len(first)
 
 
 def _regrouped(slipped: NDArray, old: PoseGroups, new: PoseGroups) -> NDArray:

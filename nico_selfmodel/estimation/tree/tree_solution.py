@@ -48,3 +48,6 @@ class TreeSolution:
     rest: NDArray
     """The whitened residuals that belong to it. Shape (k,)."""
     history: tuple[float, ...] = field(default=())
+    joint_errors: NDArray | None = None
+    """How far joints were taken to be from their readings at each sample, about which all this is
+    linear: see `joint_errors`; None for not at all. Shape (samples, m)."""

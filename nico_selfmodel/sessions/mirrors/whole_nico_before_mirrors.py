@@ -31,6 +31,8 @@ from nico_selfmodel.systems.simulated.instance import RobotInstance
 from nico_selfmodel.systems.simulated.robot import SimulatedRobot
 from nico_selfmodel.systems.simulated.sensors import StereoPixelsBeforeGlass
 
+_POOL = 100
+"""Poses of each hand, of which those are taken that tell most of where the glass stands."""
 _TRIES = 5
 """Visits of a pose before it is given up."""
 
@@ -97,7 +99,7 @@ def session_before_mirrors(
     plan = [
         (mirror, card, q)
         for mirror, standing in before.items()
-        for card, q in standing.by_turns(cards, poses, rng)
+        for card, q in standing.by_turns(cards, poses, rng, _POOL)
     ]
     glass = next(iter(before.values())).glass
     first = StereoPixelsBeforeGlass(pixel_sigma, glass, plate.radius)

@@ -2,6 +2,7 @@
 
 import threading
 import urllib.request
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 from pydrake.geometry import Meshcat
@@ -50,6 +51,21 @@ _LOOK = f"""
   // Sliders and camera come with the scene, whenever that is.
   setInterval(() => {{ fit(); paint(); }}, 500);
   addEventListener("resize", () => setTimeout(fit, 50));
+</script>
+"""
+_WHOLE = f"""
+<script>
+  {NIGHT_SCRIPT}
+  const pane = document.getElementById("meshcat-pane");
+  function fit() {{
+    const zoom = Math.min(1, pane.offsetWidth / pane.offsetHeight / {ASPECT});
+    if (viewer.camera.zoom === zoom) return;
+    viewer.camera.zoom = zoom;
+    viewer.camera.updateProjectionMatrix();
+    viewer.set_dirty();
+  }}
+  // The camera comes with the scene, whenever that is.
+  setInterval(() => {{ fit(); paint(); }}, 500);
 </script>
 """
 _VIEWPORT = '<head><meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -104,6 +120,16 @@ def opened(page: str, address: str) -> str:
     return f"{head}{_LOOK}{end}{tail}" if end else page
 
 
+def recorded(page: str) -> str:
+    """Return Drake's page of a recording so that narrow windows show all of the scene too.
+
+    Args:
+        page: As Drake makes it; one that this was not made for stays as it is.
+    """
+    head, end, tail = page.replace("<head>", _VIEWPORT, 1).rpartition("</body>")
+    return f"{head}{_WHOLE}{end}{tail}" if end else page
+
+
 def _handler(address: str) -> type[BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
@@ -115,11 +141,12 @@ def _handler(address: str) -> type[BaseHTTPRequestHandler]:
                 return
             if self.path.partition("?")[0] == "/":
                 content = opened(content.decode("utf-8"), address).encode("utf-8")
-            self.send_response(200)
-            self.send_header("Content-Type", kind)
-            self.send_header("Content-Length", str(len(content)))
-            self.end_headers()
-            self.wfile.write(content)
+            with suppress(ConnectionError):  # a reader that left before it had everything
+                self.send_response(200)
+                self.send_header("Content-Type", kind)
+                self.send_header("Content-Length", str(len(content)))
+                self.end_headers()
+                self.wfile.write(content)
 
         def log_message(self, format: str, *args: object) -> None:
             """Say nothing of what is asked for."""

@@ -7,6 +7,7 @@ from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 
 from nico_selfmodel.viz.live.drake_backend import draw_in_drake, draw_item
+from nico_selfmodel.viz.live.live_page import recorded
 from nico_selfmodel.viz.scene.scene import ROOT, Scene
 from nico_selfmodel.viz.scene.scene_items import Item
 
@@ -45,7 +46,7 @@ class MovingScene:
         if self._recording:
             self.meshcat.StopRecording()
             self.meshcat.PublishRecording()
-        return self.meshcat.StaticHtml()
+        return recorded(self.meshcat.StaticHtml())
 
     def _show_item(self, name: str, item: Item | None, time: float | None) -> None:
         """Draw what is new at every moment, None for nothing.

@@ -47,22 +47,38 @@ class TreeLinear:
     """By all parameters. Shape (P, R)."""
     by_joint: NDArray
     """By what is read with noise, `TreeObservations.noisy_joints`. Shape (R, m)."""
+    pulled: NDArray | None = None
+    """A e, what the joint errors e about which all this is linear add to r. Shape (R,); None where
+    it is linear about the readings."""
 
 
 class TreeResiduals:
     """The forward model of a recording: parameters in, residuals and derivatives out."""
 
-    def __init__(self, observations: TreeObservations, parameters: TreeParameters) -> None:
+    def __init__(
+        self,
+        observations: TreeObservations,
+        parameters: TreeParameters,
+        joint_errors: NDArray | None = None,
+    ) -> None:
         """Prepare.
 
         Args:
             observations: What was measured.
             parameters: Of the body.
+            joint_errors: How far joints are taken to be from their readings where `linear` is: by
+                sample, of `TreeObservations.noisy_joints` [rad or m], zero of whole poses; none
+                if omitted. Shape (P, m).
         """
         self.observations, self.parameters = observations, parameters
+        self.joint_errors = joint_errors
         self._on = np.array([a.on for a in parameters.attached])
         self._beyond = parameters.base.beyond
         self._sensor_names = [s.name for s in parameters.base.sensors]
+
+    def about(self, joint_errors: NDArray | None) -> "TreeResiduals":
+        """Return the same, linear about other errors of joints."""
+        return TreeResiduals(self.observations, self.parameters, joint_errors)
 
     def motion(self, tree: BodyTree, start: NDArray | None = None) -> TreeMotion:
         """Return where everything is at the samples; what moves freely where it fits best."""
@@ -86,7 +102,18 @@ class TreeResiduals:
 
     def _moved(self, tree: BodyTree, flanges: NDArray) -> TreeMotion:
         data = self.observations.data
-        return TreeMotion.at(tree, data.si_readings, flanges, data.si_approach)
+        return TreeMotion.at(tree, self._readings(tree), flanges, data.si_approach)
+
+    def _readings(self, tree: BodyTree) -> NDArray:
+        """Return readings, off by the joints' errors: q = reading / gear + e. Shape (P, n)."""
+        readings = self.observations.data.si_readings
+        if self.joint_errors is None:
+            return readings
+        off = np.zeros_like(readings)
+        for m, (i, _) in enumerate(self.observations.noisy_joints):
+            if tree.motions[i] not in WHOLE_POSES:
+                off[:, i] = tree.gear[i] * self.joint_errors[:, m]
+        return readings + off
 
     @cached_property
     def _first_poses(self) -> NDArray:
@@ -116,7 +143,9 @@ class TreeResiduals:
         return tuple(np.concatenate(part) for part in zip(*parts, strict=True))  # type: ignore[return-value]
 
     def residuals(self, values: NDArray) -> NDArray:
-        """Return residuals alone. Shape (P,) -> (R,)."""
+        """Return residuals alone, of joints that do not err. Shape (P,) -> (R,)."""
+        if self.joint_errors is not None:
+            return self.about(None).residuals(values)
         tree = self.parameters.tree_of(values)
         motion = self.motion(tree)
         shown = [self.show(tree, motion, rows)[0] for rows in self.observations.sensors]
@@ -124,6 +153,9 @@ class TreeResiduals:
 
     def linear(self, values: NDArray, start: NDArray | None = None) -> TreeLinear:
         """Return residuals and derivatives. Shape (P,) -> (R,), (P, R), (R, m).
+
+        About errors e of the joints residuals are those of r(e) that is linear there, at readings
+        that do not err: r(e) - A e.
 
         Args:
             values: Of all parameters.
@@ -133,11 +165,13 @@ class TreeResiduals:
         motion = self.motion(tree, start)
         slopes = self.parameters.turn_slopes(values)
         parts = [self._linear(tree, motion, slopes, rows) for rows in self.observations.sensors]
-        return TreeLinear(
-            np.concatenate([p.r for p in parts]),
-            np.concatenate([p.J for p in parts], axis=1),
-            np.concatenate([p.by_joint for p in parts]),
-        )
+        r = np.concatenate([p.r for p in parts])
+        by_joint = np.concatenate([p.by_joint for p in parts])
+        pulled = None
+        if self.joint_errors is not None:
+            pulled = np.sum(by_joint * self.joint_errors[self.observations.sample], axis=1)
+            r = r - pulled
+        return TreeLinear(r, np.concatenate([p.J for p in parts], axis=1), by_joint, pulled)
 
     def _frame(
         self, motion: TreeMotion, frames: NDArray, item: NDArray, pose: NDArray
