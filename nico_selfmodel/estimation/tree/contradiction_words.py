@@ -13,10 +13,13 @@ from nico_selfmodel.estimation.tree.contradictions import (
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.tree.body_tree import PRISMATIC
 from nico_selfmodel.names import listed
 
 _NOTABLE = 0.005
 """Share of a lens' focal length, or of a length, below which it is not worth a word."""
+_LARGEST_SHARE = 0.1
+"""Noise that is so much of what a joint that slides moved is none."""
 _VAGUE = 0.1
 """And the share to which it must be known: of poses in another frame no length fits."""
 
@@ -29,7 +32,8 @@ def contradiction_findings(calibration: TreeCalibration) -> list[Finding]:
     """
     residuals = TreeResiduals(calibration.train.observations, calibration.parameters)
     seen, solution = residuals.observations, calibration.solution
-    found = _of_sensors(calibration)
+    sliding = _sliding(calibration)
+    found = [*sliding, *_of_sensors(calibration, lengths=not sliding)]
     for joint, (wrong, of) in read_wrongly(
         residuals.linear(calibration.values), seen, solution
     ).items():
@@ -47,7 +51,22 @@ def contradiction_findings(calibration: TreeCalibration) -> list[Finding]:
     return found
 
 
-def _of_sensors(calibration: TreeCalibration) -> list[Finding]:
+def _sliding(calibration: TreeCalibration) -> list[Finding]:
+    """Say which joints that slide moved by something else than they were read to."""
+    data, found = calibration.data, []
+    noisy = calibration.train.observations.noisy_joints
+    for (i, _), sigma in zip(noisy, calibration.solution.noise.joint.tolist(), strict=True):
+        travel = float(np.ptp(data.si_readings[:, i]))
+        if data.joints[i].motion == PRISMATIC and sigma > _LARGEST_SHARE * max(travel, 1e-9):
+            text = (
+                f"noise of joint {data.joints[i].name!r} would have to be {1e3 * sigma:.3g} mm, of "
+                f"{1e3 * travel:.3g} mm that it moved: check its unit"
+            )
+            found.append(Finding(CAUSE, text))
+    return found
+
+
+def _of_sensors(calibration: TreeCalibration, *, lengths: bool) -> list[Finding]:
     """Say which lenses and lengths the recording contradicts; all lenses in one sentence."""
     observations = calibration.train.observations
     scalars = {
@@ -63,6 +82,7 @@ def _of_sensors(calibration: TreeCalibration) -> list[Finding]:
             continue
         if lens is not None:
             lenses.setdefault(severity, []).append(_wish(name, lens, score))
+        if lens is not None or not lengths:
             continue
         factor = float(np.exp(score.values[0]))
         text = (

@@ -90,7 +90,8 @@ def held_scores(problem: TreeProblem, solution: TreeSolution) -> dict[str, HeldS
         Sensor -> of a camera whose lens was held, the score of fx, fy, cx and cy [px]; of others
         that of the logarithm of the factor by which what they measure is too long.
     """
-    columns = {**_by_lenses(problem, solution), **_by_lengths(problem)}
+    linear = problem.residuals.linear(solution.values)
+    columns = {**_by_lenses(problem, linear), **_by_lengths(problem.observations, linear)}
     if not columns:
         return {}
     at = np.cumsum([0, *(one.shape[1] for one in columns.values())])
@@ -102,10 +103,9 @@ def held_scores(problem: TreeProblem, solution: TreeSolution) -> dict[str, HeldS
     }
 
 
-def _by_lenses(problem: TreeProblem, solution: TreeSolution) -> dict[str, NDArray]:
+def _by_lenses(problem: TreeProblem, linear: TreeLinear) -> dict[str, NDArray]:
     """Return derivatives by focal lengths and middles of lenses that were held. (R, 4) each."""
-    parameters = problem.residuals.parameters
-    linear, found = problem.residuals.linear(solution.values), {}
+    parameters, found = problem.residuals.parameters, {}
     seeing = {
         problem.observations.data.sensors[s.sensor].name for s in problem.observations.sensors
     }
@@ -116,15 +116,20 @@ def _by_lenses(problem: TreeProblem, solution: TreeSolution) -> dict[str, NDArra
     return found
 
 
-def _by_lengths(problem: TreeProblem) -> dict[str, NDArray]:
-    """Return derivatives of r = predicted - measured / factor by its logarithm. (R, 1) each."""
-    seen, found = problem.observations, {}
+def _by_lengths(seen: TreeObservations, linear: TreeLinear) -> dict[str, NDArray]:
+    """Return derivatives of r = factor predicted - measured by the factor's logarithm. (R, 1) each.
+
+    By what is predicted: where the sensor itself tells how large the body is, the body's size does
+    the same to all of it, and nothing is left of the column.
+    """
+    found = {}
     for rows in seen.sensors:
         if rows.kind != CAMERA:
             column = np.zeros((seen.scalars, 1))
             own = column[rows.scalars].reshape(rows.measured.shape)
+            left = linear.r[rows.scalars].reshape(rows.measured.shape)
             lengths = 1 if rows.kind == DISTANCE else 3
-            own[:, :lengths] = rows.measured[:, :lengths]
+            own[:, :lengths] = (rows.measured + left)[:, :lengths]
             found[seen.data.sensors[rows.sensor].name] = column
     return found
 

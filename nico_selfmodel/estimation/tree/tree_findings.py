@@ -18,15 +18,13 @@ from nico_selfmodel.estimation.results.calibration_result import (
 from nico_selfmodel.estimation.tree.contradiction_words import contradiction_findings
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
-from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, PRISMATIC, REVOLUTE
+from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, REVOLUTE
 from nico_selfmodel.names import listed
 
 _MISFIT = 5.0
 """Times the stated sigma of a sensor beyond which the body does not explain what it measured."""
 _LARGEST_JOINT_NOISE = np.radians(5.0)
 """A joint that is this uncertain about its encoder is not play."""
-_LARGEST_SHARE = 0.1
-"""Nor is noise that is so much of what a joint that slides moved."""
 _LARGEST_FLANGE_PLACE = 0.05
 """Nor is a place of a flange that is off by so much [m]."""
 _MOST_SLIPS, _FEWEST_SLIPS = 0.02, 3
@@ -92,33 +90,21 @@ def _misfits(calibration: TreeCalibration) -> list[str]:
 
 
 def _noise_reasons(calibration: TreeCalibration) -> list[str]:
-    """Say which joints would have to be noisier than any is."""
     solution, data = calibration.solution, calibration.data
-    pairs = list(zip(
-        calibration.train.observations.noisy_joints, solution.noise.joint.tolist(), strict=True
-    ))  # fmt: skip
-    out = []
-    large = sorted(
-        {
-            data.joints[i].name
-            for (i, _), sigma in pairs
-            if data.joints[i].motion == REVOLUTE and sigma > _LARGEST_JOINT_NOISE
-        }
-    )
-    if large:
-        worst = np.degrees(max(s for (i, _), s in pairs if data.joints[i].motion == REVOLUTE))
-        out.append(
-            f"joint noise would have to be {worst:.1f} deg to explain the data ({listed(large)}): "
-            "check units, the pairing of readings and observations, and whether something moved"
-        )
-    for (i, _), sigma in pairs:
-        travel = float(np.ptp(data.si_readings[:, i]))
-        if data.joints[i].motion == PRISMATIC and sigma > _LARGEST_SHARE * max(travel, 1e-9):
-            out.append(
-                f"noise of joint {data.joints[i].name!r} would have to be {1e3 * sigma:.3g} mm, of "
-                f"{1e3 * travel:.3g} mm that it moved: check its unit"
-            )
-    return out
+    noisy = calibration.train.observations.noisy_joints
+    turning = {
+        data.joints[i].name: sigma
+        for (i, _), sigma in zip(noisy, solution.noise.joint.tolist(), strict=True)
+        if data.joints[i].motion == REVOLUTE and sigma > _LARGEST_JOINT_NOISE
+    }
+    if not turning:
+        return []
+    worst = np.degrees(max(turning.values()))
+    return [
+        f"joint noise would have to be {worst:.1f} deg to explain the data "
+        f"({listed(sorted(turning))}): check units, the pairing of readings and observations, and "
+        "whether something moved"
+    ]
 
 
 def _flange_misfits(calibration: TreeCalibration) -> list[str]:
