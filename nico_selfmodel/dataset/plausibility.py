@@ -9,12 +9,12 @@ from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import HOME, JointInfo
 from nico_selfmodel.errors import DataError
 
-# An arm whose measured points lie further apart than this was not measured in metres.
-_MAX_SPREAD_M = 20.0
+MAX_SPREAD_M = 20.0
+"""Points that lie further apart were not measured in metres [m]."""
 # An arm whose points stay within this was hardly measured in metres.
 _MIN_SPREAD_M = 2e-3
-# A joint that turned further than this was hardly read in radians.
-_MAX_TURN_RAD = 4.0 * np.pi
+MAX_TURN_RAD = 4.0 * np.pi
+"""A joint that turned further was hardly read in radians [rad]."""
 
 
 def check_plausible(dataset: Dataset, place: str) -> None:
@@ -38,7 +38,7 @@ def check_plausible(dataset: Dataset, place: str) -> None:
     if len(points):
         # The largest coordinate serves as well, and cannot overflow.
         spread = np.abs(points - np.median(points, axis=0)).max()
-        if spread > _MAX_SPREAD_M:
+        if spread > MAX_SPREAD_M:
             raise DataError(
                 f"{place}: points spread over {spread:.4g} m: were millimetres given as metres?"
                 f" {', '.join(POINT_COLUMNS)} are metres"
@@ -76,7 +76,7 @@ def _warn_of_degrees(dataset: Dataset, place: str) -> None:
     half_spans = (encoders.max(axis=0) - encoders.min(axis=0)).tolist()
     for info, half in zip(dataset.joints, half_spans, strict=True):
         span = 2.0 * half
-        if info.encoder_unit == "rad" and span > _MAX_TURN_RAD:
+        if info.encoder_unit == "rad" and span > MAX_TURN_RAD:
             warnings.warn(
                 f"{place}: encoder.{info.name} spans {span:.4g} rad, {span / (2 * np.pi):.3g} "
                 "turns: if these are degrees, set encoder_unit: deg",

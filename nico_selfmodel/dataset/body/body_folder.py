@@ -18,6 +18,7 @@ from nico_selfmodel.dataset.body.body_dataset import (
     check_names,
 )
 from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
+from nico_selfmodel.dataset.body.plausible_body import check_plausible_body
 from nico_selfmodel.dataset.body.sensors import SENSOR_COLUMNS, MarkerInfo, SensorInfo
 from nico_selfmodel.dataset.columns import APPROACH, ENCODER
 from nico_selfmodel.dataset.csv_table import CsvTable
@@ -60,7 +61,7 @@ def load_body_dataset(folder: str | PathLike[str]) -> BodyDataset:
         The recording.
 
     Raises:
-        DataError: If anything is missing or not valid; names file, line and column.
+        DataError: If anything is missing, not valid or not plausible; names file, line and column.
     """
     folder = Path(folder)
     for name in FILES:
@@ -74,7 +75,7 @@ def load_body_dataset(folder: str | PathLike[str]) -> BodyDataset:
     table = CsvTable.read(folder / FILES[2])
     observations = _read_observations(table, sample, head["markers"], head["sensors"])
     try:
-        return BodyDataset(
+        data = BodyDataset(
             sample=sample,
             readings=readings,
             flanges=flanges,
@@ -82,8 +83,10 @@ def load_body_dataset(folder: str | PathLike[str]) -> BodyDataset:
             observations=observations,
             **head,
         )
+        check_plausible_body(data)
     except (DataError, ValueError) as error:
         raise DataError(f"{folder}: {error}") from None
+    return data
 
 
 def save_body_dataset(

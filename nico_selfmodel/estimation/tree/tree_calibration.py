@@ -17,6 +17,7 @@ from nico_selfmodel.estimation.diagnosis.flatness import Flatness
 from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend
 from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boards
 from nico_selfmodel.estimation.tree.boards.surroundings import Surroundings
+from nico_selfmodel.estimation.tree.contradictions import HeldScore, held_scores
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.guesses.first_guess import first_bodies
 from nico_selfmodel.estimation.tree.mirrors.mirrored_tree import (
@@ -88,6 +89,14 @@ class TreeCalibration:
     """What was asked to bend, and what came of it; its solutions are `TreeBend`."""
     flatness: Mapping[str, Flatness | None] = field(default_factory=dict)
     """Whether mirrors are flat, by name, where that was tested; None where there was too little."""
+    anew: bool = False
+    """Whether a few parameters of a known body were learned, which here is taken for exact."""
+
+    @cached_property
+    def held(self) -> dict[str, HeldScore]:
+        """What the recording says against lenses and lengths that it is told; nothing if `anew`."""
+        bend = self.ladder.solution
+        return {} if self.anew else held_scores(bend.problem, bend.solution)
 
     @cached_property
     def values(self) -> NDArray:
@@ -216,7 +225,8 @@ def refit_tree(
     def as_it_was(problem: TreeProblem, solution: TreeSolution) -> Ladder:
         return Ladder((), TreeBend(problem, solution))
 
-    return _finished(first, data, test, None, name, [0.0], clock, as_it_was, noise)
+    found = _finished(first, data, test, None, name, [0.0], clock, as_it_was, noise)
+    return replace(found, anew=True)
 
 
 def _bent(

@@ -15,6 +15,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     Finding,
     findings,
 )
+from nico_selfmodel.estimation.tree.contradiction_words import contradiction_findings
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, REVOLUTE
@@ -24,6 +25,8 @@ _MISFIT = 5.0
 """Times the stated sigma of a sensor beyond which the body does not explain what it measured."""
 _LARGEST_JOINT_NOISE = np.radians(5.0)
 """A joint that is this uncertain about its encoder is not play."""
+_LARGEST_FLANGE_PLACE = 0.05
+"""Nor is a place of a flange that is off by so much [m]."""
 _MOST_SLIPS, _FEWEST_SLIPS = 0.02, 3
 """Share and number of poses with a wrong reading of one joint from which on it is named."""
 _OUTLIERS_NAMED = 2
@@ -44,7 +47,8 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
               for name, test in calibration.flatness.items() if test is None]  # fmt: skip
     doubts += [*_slip_words(calibration), *_outlier_words(calibration)]
     return (
-        *findings(MISFIT, _misfits(calibration)),
+        *contradiction_findings(calibration),
+        *findings(MISFIT, [*_misfits(calibration), *_flange_misfits(calibration)]),
         *findings(FAILURE, [*_noise_reasons(calibration), *bent_reasons(calibration.flatness)]),
         *findings(WARNING, [*bending_warnings(ladder, calibration.at), *doubts]),
         *findings(NOTE, said),
@@ -87,22 +91,38 @@ def _misfits(calibration: TreeCalibration) -> list[str]:
 
 def _noise_reasons(calibration: TreeCalibration) -> list[str]:
     solution, data = calibration.solution, calibration.data
-    pairs = zip(
-        calibration.train.observations.noisy_joints, solution.noise.joint.tolist(), strict=True
-    )
-    large = sorted(
-        {
-            data.joints[i].name
-            for (i, _), sigma in pairs
-            if data.joints[i].motion == REVOLUTE and sigma > _LARGEST_JOINT_NOISE
-        }
-    )
-    if not large:
+    noisy = calibration.train.observations.noisy_joints
+    turning = {
+        data.joints[i].name: sigma
+        for (i, _), sigma in zip(noisy, solution.noise.joint.tolist(), strict=True)
+        if data.joints[i].motion == REVOLUTE and sigma > _LARGEST_JOINT_NOISE
+    }
+    if not turning:
         return []
-    worst = np.degrees(solution.noise.joint.max())
+    worst = np.degrees(max(turning.values()))
     return [
-        f"joint noise would have to be {worst:.1f} deg to explain the data ({listed(large)}): "
-        "check units, the pairing of readings and observations, and whether something moved"
+        f"joint noise would have to be {worst:.1f} deg to explain the data "
+        f"({listed(sorted(turning))}): check units, the pairing of readings and observations, and "
+        "whether something moved"
+    ]
+
+
+def _flange_misfits(calibration: TreeCalibration) -> list[str]:
+    """Say which flanges' poses the data do not confirm."""
+    data, found = calibration.data, dict[int, list[float]]()
+    for (i, part), sigma in zip(
+        calibration.train.observations.noisy_joints,
+        calibration.solution.noise.joint.tolist(),
+        strict=True,
+    ):
+        if data.joints[i].motion == FLANGE:
+            found.setdefault(i, [0.0, 0.0])[part < 3] = sigma
+    return [
+        f"poses of flange {data.joints[i].name!r} would have to be off by {1e3 * place:.3g} mm and "
+        f"{np.degrees(turn):.3g} deg: check units, which way they go (of the flange in the base, "
+        "or the other way round), how turns are written, and the pairing with what was seen"
+        for i, (place, turn) in found.items()
+        if place > _LARGEST_FLANGE_PLACE or turn > _LARGEST_JOINT_NOISE
     ]
 
 

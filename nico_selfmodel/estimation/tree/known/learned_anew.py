@@ -9,6 +9,7 @@ from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.estimation.results.unobservable_words import name_unobservable
 from nico_selfmodel.estimation.results.verdict import outliers_are_many
+from nico_selfmodel.estimation.tree.contradictions import read_wrongly, seen_wrongly
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.known.known_with_errors import (
     NewParameters,
@@ -204,23 +205,13 @@ def _with_errors_of_body(found: TreeCalibration, body: ParameterCovariance) -> L
 def _set_aside(
     residuals: TreeResiduals, found: TreeCalibration
 ) -> tuple[NDArray, tuple[str, ...], tuple[str, ...]]:
-    """Return outliers of what depends on what was learned, and joints that were read wrongly."""
+    """Return outliers of what depends on what was learned, joints and links that do not fit."""
     seen, solution = residuals.observations, found.solution
     linear = residuals.linear(found.values)
     columns = [found.parameters.index[name] for name in found.uncertainty.names]
     shown = np.unique(seen.row[(linear.J[columns] != 0.0).any(axis=0)])
-    wrong = []
-    for j, (i, _) in enumerate(seen.noisy_joints):
-        visits = np.unique(seen.visit[linear.by_joint[:, j] != 0.0])
-        slipped = solution.slipped[visits, j]
-        if slipped.sum() > 1 and outliers_are_many(slipped) is not None:
-            wrong.append(seen.data.joints[i].name)
-    links = []
-    for i, joint in enumerate(seen.data.joints):
-        own = solution.outliers[seen.data.seen_on == i]
-        if own.sum() > 1 and outliers_are_many(own) is not None:
-            links.append(joint.name)
-    return solution.outliers[shown], tuple(dict.fromkeys(wrong)), tuple(links)
+    wrong = tuple(read_wrongly(linear, seen, solution))
+    return solution.outliers[shown], wrong, tuple(seen_wrongly(seen, solution))
 
 
 def _uncertainty(

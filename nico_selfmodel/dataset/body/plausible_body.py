@@ -1,0 +1,82 @@
+"""Recordings of bodies that are well formed but can hardly be what they say: units."""
+
+import warnings
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POSES
+from nico_selfmodel.dataset.plausibility import MAX_SPREAD_M, MAX_TURN_RAD
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, REVOLUTE
+
+
+def check_plausible_body(data: BodyDataset) -> None:
+    """Refuse a recording that cannot be what it says; warn of what it hardly is.
+
+    Args:
+        data: The recording.
+
+    Raises:
+        DataError: If places or distances spread over more than 20 m, or a rotation vector turns by
+            more than a whole turn.
+
+    Warns:
+        UserWarning: If a joint read in `rad` turned by more than two whole turns.
+    """
+    table = data.observations
+    for s, sensor in enumerate(data.sensors):
+        own = table.values[table.sensor == s]
+        if sensor.kind == CAMERA or not len(own):
+            continue
+        what = f"what sensor {sensor.name!r} measured"
+        if sensor.kind == DISTANCE:
+            _check_lengths(what, own[:, 0])
+            continue
+        _check_lengths(what, _from_middle(own[:, :3]))
+        if sensor.kind == POSES:
+            _check_turns(f"orientations of sensor {sensor.name!r}", own[:, 3:6])
+    for i, joint in enumerate(data.joints):
+        if joint.motion == FLANGE:
+            assert data.flanges is not None
+            _check_lengths(f"places of flange {joint.name!r}", _from_middle(data.flanges[:, i, :3]))
+            _check_turns(f"orientations of flange {joint.name!r}", data.flanges[:, i, 3:])
+        elif joint.motion == PRISMATIC and joint.is_read and joint.counts_per_turn is None:
+            _check_lengths(
+                f"readings of joint {joint.name!r}", _from_middle(data.si_readings[:, i])
+            )
+        elif joint.motion == REVOLUTE and joint.is_read and joint.encoder_unit == "rad":
+            _warn_of_degrees(joint.name, 0.5 * data.readings[:, i])
+
+
+def _from_middle(places: NDArray) -> NDArray:
+    """Return places from where most of them are: the origin may be anywhere."""
+    return np.asarray(places - np.median(places, axis=0))
+
+
+def _check_lengths(what: str, lengths: NDArray) -> None:
+    spread = float(np.abs(lengths).max())
+    if spread > MAX_SPREAD_M:
+        raise DataError(
+            f"{what}: up to {spread:.4g} m: were millimetres given as metres? Lengths are metres"
+        )
+
+
+def _check_turns(what: str, turns: NDArray) -> None:
+    largest = float(np.linalg.norm(turns, axis=1).max())
+    if largest > 2.0 * np.pi + 1e-6:
+        raise DataError(
+            f"{what} turn by up to {largest:.4g} rad: were degrees given as radians, or other "
+            "angles as a rotation vector? rx, ry, rz are axis times angle [rad]"
+        )
+
+
+def _warn_of_degrees(joint: str, halves: NDArray) -> None:
+    span = 2.0 * float(np.ptp(halves))
+    if span > MAX_TURN_RAD:
+        warnings.warn(
+            f"readings of joint {joint!r} span {span:.4g} rad, {span / (2.0 * np.pi):.3g} turns: "
+            "if these are degrees, set encoder_unit: deg",
+            stacklevel=4,
+        )

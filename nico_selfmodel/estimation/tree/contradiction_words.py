@@ -1,0 +1,114 @@
+"""What is said where a recording contradicts what it is said to be."""
+
+import numpy as np
+
+from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE, Finding
+from nico_selfmodel.estimation.tree.contradictions import (
+    LENS_PARTS,
+    HeldScore,
+    is_notable,
+    read_wrongly,
+    seen_wrongly,
+)
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.tree.body_tree import PRISMATIC
+from nico_selfmodel.names import listed
+
+_NOTABLE = 0.005
+"""Share of a lens' focal length, or of a length, below which it is not worth a word."""
+_LARGEST_SHARE = 0.1
+"""Noise that is so much of what a joint that slides moved is none."""
+_VAGUE = 0.1
+"""And the share to which it must be known: of poses in another frame no length fits."""
+
+
+def contradiction_findings(calibration: TreeCalibration) -> list[Finding]:
+    """Return what speaks against lenses, lengths, readings and labels as they were told.
+
+    Args:
+        calibration: What was learned.
+    """
+    residuals = TreeResiduals(calibration.train.observations, calibration.parameters)
+    seen, solution = residuals.observations, calibration.solution
+    sliding = _sliding(calibration)
+    found = [*sliding, *_of_sensors(calibration, lengths=not sliding)]
+    for joint, (wrong, of) in read_wrongly(
+        residuals.linear(calibration.values), seen, solution
+    ).items():
+        text = (
+            f"readings of joint {joint!r} would be wrong in {wrong} of {of} poses: check its unit "
+            "and sign, whether another joint drives it (`follows`), and whether it slips"
+        )
+        found.append(Finding(FAILURE, text))
+    for link, (wrong, of) in seen_wrongly(seen, solution).items():
+        text = (
+            f"{wrong} of {of} observations of markers on {link!r} contradict the rest: check which "
+            "link they are on, their labels, and the readings of the joints on the way"
+        )
+        found.append(Finding(FAILURE, text))
+    return found
+
+
+def _sliding(calibration: TreeCalibration) -> list[Finding]:
+    """Say which joints that slide moved by something else than they were read to."""
+    data, found = calibration.data, []
+    noisy = calibration.train.observations.noisy_joints
+    for (i, _), sigma in zip(noisy, calibration.solution.noise.joint.tolist(), strict=True):
+        travel = float(np.ptp(data.si_readings[:, i]))
+        if data.joints[i].motion == PRISMATIC and sigma > _LARGEST_SHARE * max(travel, 1e-9):
+            text = (
+                f"noise of joint {data.joints[i].name!r} would have to be {1e3 * sigma:.3g} mm, of "
+                f"{1e3 * travel:.3g} mm that it moved: check its unit"
+            )
+            found.append(Finding(CAUSE, text))
+    return found
+
+
+def _of_sensors(calibration: TreeCalibration, *, lengths: bool) -> list[Finding]:
+    """Say which lenses and lengths the recording contradicts; all lenses in one sentence."""
+    observations = calibration.train.observations
+    scalars = {
+        observations.data.sensors[rows.sensor].name: rows.measured.size
+        for rows in observations.sensors
+    }
+    lenses: dict[str, list[str]] = {}
+    found = []
+    for name, score in calibration.held.items():
+        severity = is_notable(score, scalars[name])
+        lens = calibration.tree.lenses.get(name)
+        if not severity or not _is_worth(score, lens):
+            continue
+        if lens is not None:
+            lenses.setdefault(severity, []).append(_wish(name, lens, score))
+        if lens is not None or not lengths:
+            continue
+        factor = float(np.exp(score.values[0]))
+        text = (
+            f"what sensor {name!r} measured is {factor:.4g} +- {factor * score.sigma[0]:.2g} times "
+            "as long as all else says: check the size of the target, distances, and units"
+        )
+        found.append(Finding(severity, text))
+    for severity, wishes in lenses.items():
+        freed = " ".join(f"--free {wish.split()[0]}" for wish in wishes)
+        text = (
+            f"lenses contradict what was seen ({listed(wishes)}): lenses or rows of two cameras "
+            f"exchanged, pictures of another size, or lenses that are not exact; `{freed}` and so "
+            "on learns them"
+        )
+        found.append(Finding(severity, text))
+    return sorted(found, key=lambda one: one.severity != CAUSE)
+
+
+def _is_worth(score: HeldScore, lens: Camera | None) -> bool:
+    unit = 1.0 if lens is None else lens.fx
+    notable = bool((np.abs(score.values) > _NOTABLE * unit).any())
+    return notable and bool((score.sigma < _VAGUE * unit).all())
+
+
+def _wish(name: str, lens: Camera, score: HeldScore) -> str:
+    """Say where the number of a lens would go that goes farthest in its sigmas."""
+    k = int(np.argmax(np.abs(score.values) / score.sigma))
+    now = float(getattr(lens, LENS_PARTS[k]))
+    return f"{name}.{LENS_PARTS[k]} {now:.0f} px would go to {now + score.values[k]:.0f}"
