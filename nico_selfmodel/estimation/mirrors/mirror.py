@@ -70,6 +70,21 @@ class MirrorCalibration:
         names = self.solution.reflections.mirrors
         return dict(zip(names, self.solution.mirrors, strict=True))
 
+    @property
+    def covariance(self) -> ParameterCovariance | None:
+        """Of arm, cameras and mirrors together; None where nothing is known of arm and cameras.
+
+        Mirrors that were learned through one arm and one pair of cameras err alike.
+        """
+        known, follows = self.model.covariance, self.solution.shared
+        errors = self.solution.reflections.shared
+        if known is None or follows is None or errors is None:
+            return None
+        planes = self.solution.uncertainty
+        shared = follows[:, [errors.names.index(name) for name in known.names]]
+        matrix = np.block([[known.matrix, shared.T], [shared, planes.covariance]])
+        return ParameterCovariance((*known.names, *planes.names), matrix)
+
 
 def calibrate_mirrors(
     dataset: Dataset,

@@ -1,7 +1,7 @@
 """What a robot knows of its body after it has looked at it in mirrors, unmarked."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -15,6 +15,7 @@ from nico_selfmodel.estimation.mirrors.body_alignment import (
     alignment_step,
 )
 from nico_selfmodel.estimation.mirrors.reflection_sigma import reflection_sigma
+from nico_selfmodel.estimation.noise.hand_observations import covariance_of
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.mirror import Mirror
@@ -67,6 +68,9 @@ class KnownBody:
     """The shoulder, where the learned arm has it [m]. Shape (3,)."""
     covariance: NDArray
     """Of all mirrors' values, the angles and the shift. Shape (3 m + k + 6, 3 m + k + 6)."""
+    places: Mapping[str, Mirror] = field(default_factory=dict)
+    """Where the mirrors stand, with covariances that count what the cameras may be wrong by. The
+    model's mirrors fit the pictures as its cameras show them, wrong as these are."""
 
     @property
     def X_WB(self) -> NDArray:
@@ -146,32 +150,87 @@ def know_body(
         EstimationError: If the pictures hardly show the body.
     """
     start = _described(image, model, tuple(dict.fromkeys(shot.mirror for shot in shots)))
-    known = start
+    known = placed = start
     for step in range(_STEPS):
         known.pose(image)
         views = [_view(known, image, shot, side) for shot in shots for side in range(2)]
         mirrors = [known.model.mirrors[name] for name in known.mirrors]
         motions = [motion for motion, _ in known.motions(image)]
-        before = known.values - start.values, start.covariance
+        off = known.values - start.values
+        if step == _STEPS - 1:
+            placed = _with_cameras(known, views, mirrors, motions, off, start.covariance)
+        before = off, start.covariance
         known = known.changed(alignment_step(views, model.rig, mirrors, motions, before, _AREA))
         if progress:
             progress(step + 1, _STEPS)
     known.pose(image)
-    return known
+    places = {name: placed.model.mirrors[name] for name in known.mirrors}
+    return replace(known, places=MappingProxyType(places))
+
+
+def _with_cameras(
+    known: KnownBody,
+    views: Sequence[AlignedView],
+    mirrors: Sequence[Mirror],
+    motions: Sequence[BodyMotion],
+    off: NDArray,
+    own: NDArray,
+) -> KnownBody:
+    """Return what is known where the cameras may be wrong, too, by as much as they are known.
+
+    Args:
+        known: What was expected.
+        views: What was seen of it.
+        mirrors: Of what is known, in turn.
+        motions: How the body may stand elsewhere.
+        off: What is known less what was before the pictures. Shape (n,).
+        own: Covariance of that. Shape (n, n).
+    """
+    model, planes = known.model, 3 * len(known.mirrors)
+    own_names = model.rig.names
+    loose = np.diag(covariance_of(model, own_names)) > 0.0
+    cameras = tuple(np.array(own_names)[loose].tolist())
+    together = covariance_of(model, (*_names_of(known.mirrors), *cameras))
+    count, size = len(own), len(own) + len(cameras)
+    prior = np.zeros((size, size))
+    prior[:count, :count] = own
+    prior[count:, :planes], prior[:planes, count:] = (
+        together[planes:, :planes],
+        together[:planes, planes:],
+    )
+    prior[count:, count:] = together[planes:, planes:]
+    before = np.concatenate([off, np.zeros(len(cameras))]), prior
+    found = alignment_step(views, model.rig, mirrors, motions, before, _AREA, cameras)
+    return known.changed(Alignment(found.change[:count], found.covariance[:count, :count]))
+
+
+def _names_of(mirrors: Sequence[str]) -> tuple[str, ...]:
+    return tuple(name for mirror in mirrors for name in Mirror.names_of(mirror))
 
 
 def _described(image: BodyImage, model: SelfModel, mirrors: tuple[str, ...]) -> KnownBody:
     """Return what is known before the body was seen in a mirror."""
     joints = image.standing(STANDING)
     shoulder = image.standing((image.first_joint,))[0]
-    blocks = [model.mirrors[name].covariance for name in mirrors]
     sigma = [_JOINT_SIGMA] * len(joints) + [_TURN_SIGMA] * 3 + [_SHIFT_SIGMA] * 3
-    covariance = np.diag(np.square([0.0] * (3 * len(mirrors)) + sigma))
-    for k, block in enumerate(blocks):
-        assert block is not None, "a mirror that was learned has a covariance"
-        covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = block
+    planes = 3 * len(mirrors)
+    covariance = np.diag(np.square([0.0] * planes + sigma))
+    covariance[:planes, :planes] = _of_mirrors(model, mirrors)
     angles = MappingProxyType({joint.name: joint.angle for joint in joints})
     return KnownBody(model, mirrors, angles, np.zeros(6), shoulder.p_WJ, covariance)
+
+
+def _of_mirrors(model: SelfModel, mirrors: Sequence[str]) -> NDArray:
+    """Return the covariance of mirrors, together where the model says so. Shape (3 m, 3 m)."""
+    names = _names_of(mirrors)
+    if model.covariance is not None and set(names) <= set(model.covariance.names):
+        return covariance_of(model, names)
+    matrix = np.zeros((len(names), len(names)))
+    for k, name in enumerate(mirrors):
+        block = model.mirrors[name].covariance
+        assert block is not None, "a mirror that was learned has a covariance"
+        matrix[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = block
+    return matrix
 
 
 def _view(known: KnownBody, image: BodyImage, shot: Shot, side: int) -> AlignedView:

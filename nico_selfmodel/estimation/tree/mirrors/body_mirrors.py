@@ -28,7 +28,7 @@ from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import BodyTree
-from nico_selfmodel.optimization.uncertainty import Uncertainty
+from nico_selfmodel.optimization.uncertainty import Uncertainty, root_of
 
 _STEPS = 3
 """From the planes of an exact body to those of one that may err: nearly linear."""
@@ -143,8 +143,7 @@ def _with_errors_of_body(
     problem = TreeProblem(bends, free, {}, found.solution.noise, noise_known=True)
     names, still = problem.free_names, np.zeros(len(bends.parameters.names) - len(found.values))
     own, known, drifting = ([names.index(n) for n in s] for s in (planes, body.names, drifts.names))
-    squares, vectors = np.linalg.eigh(body.matrix)
-    L = vectors * np.sqrt(np.maximum(squares, 0.0))
+    L = root_of(body.matrix)
     largest, solution = float(found.solution.noise.joint.max(initial=0.0)), found.solution
 
     def at(solution: TreeSolution) -> TreeSolution:
@@ -160,9 +159,9 @@ def _with_errors_of_body(
         values[problem.columns[own]] += weighed(solution)[0].step
         solution = replace(solution, values=values)
     new, count = weighed(solution)
-    may_err = np.zeros((len(names), len(body.names) + len(drifting)))
-    may_err[known, : len(body.names)] = L
-    may_err[drifting, len(body.names) :] = np.diag(new.drift * drifts.scale)
+    may_err = np.zeros((len(names), L.shape[1] + len(drifting)))
+    may_err[known, : L.shape[1]] = L
+    may_err[drifting, L.shape[1] :] = np.diag(new.drift * drifts.scale)
     uncertainty = _uncertainty(found, planes, new.information, count)
     across = new.with_body @ L.T
     matrix = np.block([[body.matrix, across.T], [across, uncertainty.covariance]])
