@@ -15,21 +15,17 @@ from nico_selfmodel.estimation.mirrors.body_alignment import (
     alignment_step,
 )
 from nico_selfmodel.estimation.mirrors.reflection_sigma import reflection_sigma
-from nico_selfmodel.estimation.noise.hand_observations import covariance_of
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.sessions.mirrors.before_pictures import before_pictures, with_cameras
 from nico_selfmodel.systems.rendering.body_image import NOTHING, BodyImage
 from nico_selfmodel.vision.images.image_array import bgr_of_rgba, smoothed
 from nico_selfmodel.vision.surprise.surprise import away_from_the_unknown
 
 STANDING = ("neck_yaw", "neck_pitch", "neck_roll", "eyes_tilt")
 """Joints that hold head and cameras, by the description."""
-_JOINT_SIGMA = np.radians(1.5)
-"""How far they may stand from where the description holds them [rad]."""
-_TURN_SIGMA, _SHIFT_SIGMA = np.radians(0.7), 2e-3
-"""How far the body may stand from where the learned arm has it, about the shoulder [rad, m]."""
 _POINT_SIGMA = 1.5e-3
 """What places may be off by while they are aligned [m]."""
 _SMOOTH = 1.0
@@ -186,51 +182,20 @@ def _with_cameras(
         off: What is known less what was before the pictures. Shape (n,).
         own: Covariance of that. Shape (n, n).
     """
-    model, planes = known.model, 3 * len(known.mirrors)
-    own_names = model.rig.names
-    loose = np.diag(covariance_of(model, own_names)) > 0.0
-    cameras = tuple(np.array(own_names)[loose].tolist())
-    together = covariance_of(model, (*_names_of(known.mirrors), *cameras))
-    count, size = len(own), len(own) + len(cameras)
-    prior = np.zeros((size, size))
-    prior[:count, :count] = own
-    prior[count:, :planes], prior[:planes, count:] = (
-        together[planes:, :planes],
-        together[:planes, planes:],
-    )
-    prior[count:, count:] = together[planes:, planes:]
-    before = np.concatenate([off, np.zeros(len(cameras))]), prior
-    found = alignment_step(views, model.rig, mirrors, motions, before, _AREA, cameras)
-    return known.changed(Alignment(found.change[:count], found.covariance[:count, :count]))
-
-
-def _names_of(mirrors: Sequence[str]) -> tuple[str, ...]:
-    return tuple(name for mirror in mirrors for name in Mirror.names_of(mirror))
+    cameras, prior = with_cameras(known.model, known.mirrors, own)
+    before = np.append(off, np.zeros(len(cameras))), prior
+    found = alignment_step(views, known.model.rig, mirrors, motions, before, _AREA, cameras)
+    n = len(own)
+    return known.changed(Alignment(found.change[:n], found.covariance[:n, :n]))
 
 
 def _described(image: BodyImage, model: SelfModel, mirrors: tuple[str, ...]) -> KnownBody:
     """Return what is known before the body was seen in a mirror."""
     joints = image.standing(STANDING)
     shoulder = image.standing((image.first_joint,))[0]
-    sigma = [_JOINT_SIGMA] * len(joints) + [_TURN_SIGMA] * 3 + [_SHIFT_SIGMA] * 3
-    planes = 3 * len(mirrors)
-    covariance = np.diag(np.square([0.0] * planes + sigma))
-    covariance[:planes, :planes] = _of_mirrors(model, mirrors)
+    covariance = before_pictures(model, mirrors, len(joints))
     angles = MappingProxyType({joint.name: joint.angle for joint in joints})
     return KnownBody(model, mirrors, angles, np.zeros(6), shoulder.p_WJ, covariance)
-
-
-def _of_mirrors(model: SelfModel, mirrors: Sequence[str]) -> NDArray:
-    """Return the covariance of mirrors, together where the model says so. Shape (3 m, 3 m)."""
-    names = _names_of(mirrors)
-    if model.covariance is not None and set(names) <= set(model.covariance.names):
-        return covariance_of(model, names)
-    matrix = np.zeros((len(names), len(names)))
-    for k, name in enumerate(mirrors):
-        block = model.mirrors[name].covariance
-        assert block is not None, "a mirror that was learned has a covariance"
-        matrix[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = block
-    return matrix
 
 
 def _view(known: KnownBody, image: BodyImage, shot: Shot, side: int) -> AlignedView:

@@ -104,7 +104,7 @@ def learn_mirror(
     data = before.record(
         "mirror", DAY, wanted, progress=telling(stage, "looking at its hand in a mirror")
     )
-    aside = _every(data, 1.0 - poses / wanted)
+    aside = held_out_rows(data, 1.0 - poses / wanted)
     train, test = data.select(~aside), data.select(aside)
     telling(stage, "learning the mirror")(0, 1)
     calibration = calibrate_mirrors(train, model, test=test)
@@ -116,7 +116,7 @@ def learn_mirror(
     return MirrorScenario(judged(calibration, verdict), verdict, train, test, picture)
 
 
-def _every(data: Dataset, share: float) -> NDArray:
+def held_out_rows(data: Dataset, share: float) -> NDArray:
     """Choose a share of the poses, evenly, so that chosen and others cover the same places.
 
     Returns:
