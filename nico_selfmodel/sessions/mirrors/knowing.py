@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.sessions.mirrors.acquaintance import Acquainted, rendered
+from nico_selfmodel.sessions.mirrors.expecting import Unknown
 from nico_selfmodel.sessions.mirrors.known_body import KnownBody, know_body
 from nico_selfmodel.sessions.mirrors.look_poses import look_poses
-from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks, Unknown
+from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import (
     MIRROR,
     MirrorScenario,
