@@ -140,3 +140,22 @@ def _unobservable_direction(
     order = np.argsort(-np.abs(vector))
     order = order[np.abs(vector[order]) > 0.2 * np.abs(vector).max()]
     return UnobservableDirection(tuple(names[i] for i in order), vector[order], sigma)
+
+
+def root_of(covariance: NDArray) -> NDArray:
+    """Return L with C = L L', without the directions in which C is zero.
+
+    Of the correlation, for rounding is as large as the largest variance, beside which those of
+    other units are nothing: lengths beside loads that hardly anything tells.
+
+    Args:
+        covariance: C. Shape (P, P).
+
+    Returns:
+        Shape (P, p).
+    """
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    size = np.where(sigma > 0.0, sigma, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    kept = values > 1e-12 * values.max(initial=np.finfo(float).tiny)
+    return size[:, None] * vectors[:, kept] * np.sqrt(values[kept])

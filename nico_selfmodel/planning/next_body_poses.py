@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset, ObservationTable
 from nico_selfmodel.errors import DataError, ModelError
-from nico_selfmodel.estimation.monitoring.change_likelihood import root_of
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_errors import told_as
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
@@ -22,6 +21,7 @@ from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import WORLD
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import listed
+from nico_selfmodel.optimization.uncertainty import root_of
 from nico_selfmodel.planning.pose_selection import (
     NextPoses,
     choose_poses,

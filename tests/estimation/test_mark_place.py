@@ -198,6 +198,25 @@ def test_a_body_that_looks_turned_is_told_by_how_much():
     assert abs(found.change[:3]).max() < 1e-5
 
 
+def test_a_camera_that_may_be_off_is_not_taken_for_a_mirror_that_is():
+    v, u = np.mgrid[0:480, 0:640].astype(float)
+    inside = np.hypot(u - 320, v - 240) < 120
+    depth = np.where(inside, 0.7, np.inf)
+    off, picture = 0.15, smooth(u, v)
+    picture[inside] = smooth(u[inside] - off, v[inside])
+    still = BodyMotion(np.array([1.0, 0.0, 0.0]), None)
+    view = AlignedView(0, 0, picture, smooth(u, v), depth, inside, np.zeros((1, *u.shape), bool))
+    sigma = [1e-3, 1e-3, 1e-4, 1e-9]
+    before = np.zeros(4), np.diag(np.square(sigma))
+    exact = alignment_step([view], RIG, [MIRROR], [still], before, 10.0)
+    before = np.zeros(5), np.diag(np.square([*sigma, 5.0]))
+    loose = alignment_step([view], RIG, [MIRROR], [still], before, 10.0, ("left.cx",))
+    assert loose.change[4] == pytest.approx(off, rel=0.15)
+    assert abs(exact.change[0]) > 1e-4
+    assert abs(loose.change[:2]).max() < 0.2 * abs(exact.change[0])
+    assert loose.covariance[0, 0] > exact.covariance[0, 0]
+
+
 def test_an_alignment_without_a_body_in_view_is_refused():
     nothing = np.zeros((480, 640), dtype=bool)
     flat = np.full((480, 640, 3), 90.0)

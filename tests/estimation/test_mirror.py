@@ -190,6 +190,66 @@ def test_an_uncertain_arm_makes_an_uncertain_mirror_that_more_poses_do_not_cure(
     assert not any("no covariance" in word for word in judge(shared).warnings)
 
 
+def test_a_part_of_the_arm_that_nothing_tells_does_not_hide_what_lengths_are_uncertain_by():
+    # A bearing's place that moves no point may be known to kilometres: beside its variance those
+    # of lengths and angles are rounding.
+    data, model = recording(poses(40)), body(True)
+    sigma = np.append(np.sqrt(np.diag(model.covariance.matrix)), 7e3)
+    alike = 0.3 * np.outer(sigma, sigma) + 0.7 * np.diag(sigma**2)
+    names = (*model.covariance.names, "left.p1")
+    unseen = replace(data, pixels=np.where(np.arange(4) < 2, np.nan, data.pixels))
+    bodies = [
+        replace(model, covariance=ParameterCovariance(names[:k], alike[:k, :k]))
+        for k in (len(names) - 1, len(names))
+    ]
+    plain, beside = (calibrate_mirrors(unseen, one).mirrors["glass"] for one in bodies)
+    assert_allclose(beside.covariance, plain.covariance, rtol=1e-6)
+
+
+def test_mirrors_learned_through_one_body_err_as_their_common_covariance_says():
+    rng, model = np.random.default_rng(9), body(True)
+    data = together(
+        recording(poses(30, 1), sigma=0.1),
+        recording(poses(30, 2, SECOND), MirrorRig(RIG, SECOND), "wall", first=101, sigma=0.1),
+    )
+    off, apart, both = [], [], []
+    for _ in range(40):
+        found = calibrate_mirrors(data, _misled(model, rng))
+        errors = np.concatenate([found.mirrors["glass"].values - MIRROR.values,
+                                 found.mirrors["wall"].values - SECOND.values])  # fmt: skip
+        planes = found.covariance.matrix[-6:, -6:]
+        assert found.covariance.names[-6:] == (
+            *Mirror.names_of("glass"),
+            *Mirror.names_of("wall"),
+        )
+        off.append(errors)
+        both.append(errors @ np.linalg.solve(planes, errors) / 6.0)
+        alone = np.kron(np.eye(2), np.ones((3, 3))) * planes
+        apart.append(errors @ np.linalg.solve(alone, errors) / 6.0)
+    assert 0.6 < np.mean(both) < 1.5
+    # What both have alike is as large as what either has by itself.
+    seen = np.corrcoef(np.transpose(off))
+    said = planes / np.sqrt(np.outer(np.diag(planes), np.diag(planes)))
+    assert np.abs(said[:3, 3:]).max() > 0.5
+    assert_allclose(seen[:3, 3:], said[:3, 3:], atol=0.35)
+
+
+def test_how_mirrors_err_with_the_cameras_is_known():
+    model = body(True)
+    found = calibrate_mirrors(recording(poses(30), sigma=0.0), model)
+    known, step = found.covariance, 1e-4
+    turn = rotation_from_vector([0.0, step, 0.0])
+    X_LR = RIG.right.X_WC.copy()
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = turn @ X_LR[:3, :3], X_LR[:3, 3]
+    wrong = replace(model, cameras={"left": RIG.left, "right": RIG.right.at(pose)})
+    moved = calibrate_mirrors(recording(poses(30), sigma=0.0), wrong).mirrors["glass"]
+    by_turn = (moved.values - found.mirrors["glass"].values) / step
+    row = known.names.index("right.pose.ry")
+    said = known.matrix[-3:, row] / known.matrix[row, row]
+    assert_allclose(said, by_turn, rtol=0.15, atol=0.02 * np.abs(by_turn).max())
+
+
 def test_one_pose_is_enough_and_says_how_little_it_is():
     found = calibrate_mirrors(recording(poses(1, 7)), body())
     assert angle_deg(found.mirrors["glass"]) < 3.0

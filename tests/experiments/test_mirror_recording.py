@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import content_hash, load_dataset
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
 from nico_selfmodel.model.cameras.mirror import Mirror
@@ -11,6 +13,7 @@ from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.planning.mirror_poses import free_space
 from nico_selfmodel.planning.mirror_view import MirrorView
 from nico_selfmodel.sessions.camera_scenario import RenderedNico
+from nico_selfmodel.sessions.mirrors.mirror_scenario import held_out_rows
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import (
     DEFAULT_MIRROR,
     NicoBeforeMirrors,
@@ -134,3 +137,21 @@ def test_mirrors_are_read_from_the_command_line():
 def test_words_that_are_no_mirror_are_refused(words):
     with pytest.raises(ValueError, match="--mirror"):
         mirror_of_words(words)
+
+
+@pytest.mark.parametrize(("share", "first"), [(0.5, [1, 3, 5]), (0.25, [3, 7, 11])])
+def test_poses_to_judge_by_lie_evenly_among_those_to_learn_from(share, first):
+    samples = np.repeat(np.arange(40), 2)
+    data = Dataset(
+        "two rows a pose",
+        (JointInfo("pan", "rad"),),
+        samples,
+        np.zeros((80, 1)),
+        pixels=np.ones((80, 4)),
+        marker=np.tile(["hand", "corner"], 40),
+        image_size=(640, 480),
+    )
+    aside = held_out_rows(data, share)
+    assert np.unique(samples[aside])[:3].tolist() == first
+    assert aside.sum() == 80 * share
+    assert not held_out_rows(data, 0.0).any()

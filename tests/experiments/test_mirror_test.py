@@ -41,9 +41,9 @@ from nico_selfmodel.experiments.mirror_test.unknown_mirror import (
 from nico_selfmodel.experiments.mirror_test.unmarked import LIGHTS, Look, UnmarkedStage
 from nico_selfmodel.experiments.mirror_test.unmarked_report import unmarked_document
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
+from nico_selfmodel.sessions.mirrors.expecting import MirrorLook
 from nico_selfmodel.sessions.mirrors.knowing import Refusal
 from nico_selfmodel.sessions.mirrors.mark_finder import Finding
-from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook
 from nico_selfmodel.systems.rendering.mark_on_body import Mark
 from nico_selfmodel.vision.surprise.surprise import Expectation, Surprise
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 
-from nico_selfmodel.optimization.uncertainty import Uncertainty
+from nico_selfmodel.optimization.uncertainty import Uncertainty, root_of
 
 NAMES = ("a", "b", "c", "d")
 
@@ -150,3 +151,19 @@ def test_parameters_may_be_declared_unobservable_from_outside():
     assert found.unobservable[-1].names == ("b", "d")
     assert np.linalg.norm(found.unobservable[-1].shares) == pytest.approx(1.0)
     assert seen.unobservable == ()
+
+
+def test_a_covariance_has_its_root_whatever_units_it_is_in():
+    rng = np.random.default_rng(3)
+    spread = rng.normal(size=(6, 6))
+    size = np.array([1e-5, 1e-4, 1e-3, 1.0, 1e2, 7e3])
+    covariance = (spread @ spread.T) * np.outer(size, size)
+    again = root_of(covariance) @ root_of(covariance).T
+    assert_allclose(again / np.outer(size, size), spread @ spread.T, rtol=1e-9)
+
+
+def test_what_is_known_for_sure_has_no_part_in_a_root():
+    covariance = np.diag([4.0, 0.0, 1e-12])
+    assert_allclose(root_of(covariance) @ root_of(covariance).T, covariance, rtol=1e-9)
+    assert root_of(covariance).shape == (3, 2)
+    assert root_of(np.zeros((0, 0))).shape == (0, 0)

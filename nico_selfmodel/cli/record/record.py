@@ -49,6 +49,12 @@ def record(
             "mirrors.",
         ),
     ] = None,
+    glass: Annotated[
+        str | None,
+        typer.Option(
+            "--glass", metavar="WIDTH,HEIGHT", help="Size of the mirrors [mm]; 400,300 if left out."
+        ),
+    ] = None,
     board_views: Annotated[
         int, typer.Option("--board-views", min=1, help="Pairs of pictures of the chessboard.")
     ] = 16,
@@ -100,7 +106,8 @@ def record(
     refuse_existing(out, force=True)  # what is there is gone on with, or refused by name
     inputs.name_after(out)
     request = Request.of(
-        *(out, sensor, seed, session, circle, random_poses, poses, mirror, cameras, images)
+        *(out, sensor, seed, session, circle, random_poses, poses, mirror, cameras, images),
+        glass=glass,
     )
     hardware = Hardware(
         *(port, config, baud, left_camera, right_camera, motion_capture, speed, trust_zero, yes),

@@ -32,6 +32,8 @@ class Request:
     """A self-model with calibrated cameras."""
     images: bool
     """Keep the pictures."""
+    glass: str | None = None
+    """Width and height of the mirrors' glass, as on the command line."""
 
     @classmethod
     def of(
@@ -46,6 +48,7 @@ class Request:
         mirrors: list[str] | None,
         cameras: Path | None,
         images: bool,
+        glass: str | None = None,
     ) -> "Request":
         """Return what options ask for, with numbers of poses that fit where none were given.
 
@@ -67,7 +70,7 @@ class Request:
         if sensor != "chessboard" and circle == 0 and random == 0:
             raise ValueError("nothing to record: give --circle or --random")
         named = tuple(mirrors or ())
-        return cls(out, sensor, seed, session, circle, random, poses, named, cameras, images)
+        return cls(out, sensor, seed, session, circle, random, poses, named, cameras, images, glass)
 
     def check_mirrors(self, *, real: bool) -> None:
         """Refuse what cannot be done before a mirror.
@@ -76,6 +79,8 @@ class Request:
             ValueError: If there are mirrors and something else does not suit them.
         """
         if not self.mirrors:
+            if self.glass is not None:
+                raise ValueError("--glass is the size of a mirror: give --mirror too")
             return
         if real:
             raise ValueError("--mirror is for the simulated robot: a real one needs a real mirror")

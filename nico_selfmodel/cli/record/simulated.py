@@ -101,9 +101,10 @@ def _before_mirrors(request: "Request", world: "Imperfections") -> "Dataset":
     from nico_selfmodel.sessions.mirrors.nico_before_mirrors import (
         NicoBeforeMirrors,
         mirrors_of_words,
+        plate_of_words,
     )
 
-    places = mirrors_of_words(request.mirrors)
+    places, plate = mirrors_of_words(request.mirrors), plate_of_words(request.glass)
     model = None if request.cameras is None else load_model(request.cameras)
     knows = model if model is not None and model.has_arm else None
     marker = MARKERS[request.sensor]
@@ -114,7 +115,7 @@ def _before_mirrors(request: "Request", world: "Imperfections") -> "Dataset":
         )
     nico = RenderedNico(world, request.seed, (marker,))
     rig = None if model is None else model.rig
-    body = NicoBeforeMirrors(nico, places, knows=knows, rig=rig)
+    body = NicoBeforeMirrors(nico, places, plate=plate, knows=knows, rig=rig)
     with printer.progress_bar() as progress:
         return body.record(
             inputs.name_after(request.out),

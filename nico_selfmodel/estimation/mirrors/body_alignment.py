@@ -4,11 +4,12 @@ The hand in a mirror tells its plane by some points; head and chest tell it by a
 and how the head stands on the neck as well. A picture I differs from the expectation E by a gain g
 and by displacements of what is seen (Lucas and Kanade 1981, of a whole body at once):
 
-    I - g E = - g grad E . (du/dm dm + du/dq dq) + noise
+    I - g E = - g grad E . (du/dm dm + du/dq dq + du/dc dc) + noise
 
-with m the mirror's values and q motions of the body: of joints that stand still, and of the whole.
-It is solved by weighted least squares with what was known before; whoever calls renders E anew and
-repeats it.
+with m the mirror's values, q motions of the body, of joints that stand still and of the whole, and
+c what the cameras may be wrong by, where that is asked for: it looks like a mirror and a body that
+stand elsewhere, in all mirrors alike. It is solved by weighted least squares with what was known
+before; whoever calls renders E anew and repeats it.
 """
 
 from collections.abc import Sequence
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.estimation.observations.hand_pixels import project_to_cameras
 from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.cameras.mirror import Mirror
@@ -74,9 +76,10 @@ class Alignment:
     """What a step of an alignment found."""
 
     change: NDArray
-    """Of the values of all mirrors in turn, and of the body's motions. Shape (3 m + k,)."""
+    """Of the values of all mirrors in turn, the body's motions, and what cameras may be wrong by.
+    Shape (3 m + k + c,)."""
     covariance: NDArray
-    """Of these. Shape (3 m + k, 3 m + k)."""
+    """Of these. Shape (3 m + k + c, 3 m + k + c)."""
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
@@ -91,6 +94,7 @@ def alignment_step(
     motions: Sequence[BodyMotion],
     before: tuple[NDArray, NDArray],
     area: float,
+    cameras: Sequence[str] = (),
 ) -> Alignment:
     """Return how mirrors and body must change for the body to look as it does.
 
@@ -100,8 +104,9 @@ def alignment_step(
         mirrors: Where the mirrors were expected to stand.
         motions: How the body may stand elsewhere; k of them.
         before: What was known before the pictures: how far the values are from it, shape
-            (3 m + k,), and its covariance.
+            (3 m + k + c,), and its covariance.
         area: Pixels that err alike: smoothed ones, and of one surface.
+        cameras: Parameters of the rig that may be wrong, of its `names`; c of them.
 
     Returns:
         The change, and the covariance of what it leads to.
@@ -109,13 +114,12 @@ def alignment_step(
     Raises:
         EstimationError: If the pictures tell hardly any place.
     """
-    size = 3 * len(mirrors) + len(motions)
     off, prior = before
-    information = np.linalg.inv(prior)
+    information = inverse_of(prior)
     gradient = -information @ off
     levels = 0
     for view in views:
-        slopes, errors = _equations(view, rig, mirrors, motions, size)
+        slopes, errors = _equations(view, rig, mirrors, motions, cameras)
         scale = max(1.4826 * float(np.median(np.abs(errors))), 0.3) if len(errors) else 1.0
         share = np.minimum(1.0, _FAR_OFF * scale / np.maximum(np.abs(errors), 1e-9))
         weight = share / (scale**2 * 3.0 * area)
@@ -127,8 +131,18 @@ def alignment_step(
             f"only {levels} grey levels of the body in the mirror tell where it is, at least "
             f"{_FEWEST} are needed: is the body in view?"
         )
-    covariance = np.linalg.inv(information)
-    return Alignment(covariance @ gradient, 0.5 * (covariance + covariance.T))
+    covariance = inverse_of(information)
+    return Alignment(covariance @ gradient, covariance)
+
+
+def inverse_of(matrix: NDArray) -> NDArray:
+    """Return the inverse of a covariance or an information, whatever units its parts have.
+
+    A = D B D with D the root of its diagonal: A^-1 = D^-1 B^-1 D^-1.
+    """
+    size = np.sqrt(np.diag(matrix))
+    inverse = np.linalg.inv(matrix / np.outer(size, size)) / np.outer(size, size)
+    return 0.5 * (inverse + inverse.T)
 
 
 def _equations(
@@ -136,17 +150,18 @@ def _equations(
     rig: StereoRig,
     mirrors: Sequence[Mirror],
     motions: Sequence[BodyMotion],
-    size: int,
+    cameras: Sequence[str],
 ) -> tuple[NDArray, NDArray]:
     """Return derivatives of grey levels by what is estimated, and what they are off by."""
     down, right = np.gradient(view.expected, axis=(0, 1))
     steep = view.used & (np.hypot(right, down).max(axis=2) > _LEAST_SLOPE)
     rows, columns = np.nonzero(steep)
+    size = 3 * len(mirrors) + len(motions) + len(cameras)
     if not len(rows):
         return np.zeros((0, size)), np.zeros(0)
     used = view.seen[view.used], view.expected[view.used]
     gain = float(np.median(used[0].sum(axis=1) / np.maximum(used[1].sum(axis=1), 1.0)))
-    by_value = _pixel_slopes(view, rig, mirrors[view.mirror], motions, rows, columns)
+    by_value = _pixel_slopes(view, rig, mirrors[view.mirror], motions, cameras, rows, columns)
     own = np.zeros((len(rows), 2, size))
     own[:, :, 3 * view.mirror : 3 * view.mirror + 3] = by_value[:, :, :3]
     own[:, :, 3 * len(mirrors) :] = by_value[:, :, 3:]
@@ -162,10 +177,11 @@ def _pixel_slopes(
     rig: StereoRig,
     mirror: Mirror,
     motions: Sequence[BodyMotion],
+    cameras: Sequence[str],
     rows: NDArray,
     columns: NDArray,
 ) -> NDArray:
-    """Return how pixels of reflections move by mirror and body. Shape (N, 2, 3 + k)."""
+    """Return how pixels of reflections move by mirror, body, cameras. Shape (N, 2, 3 + k + c)."""
     camera = rig.cameras[view.side]
     ideal = camera.undistort(np.stack([columns, rows], axis=1).astype(float))
     ideal = np.concatenate([ideal, np.ones((len(rows), 1))], axis=1)
@@ -178,4 +194,9 @@ def _pixel_slopes(
     for motion, moved in zip(motions, view.moved, strict=True):
         way = motion.way(p_WQ) * moved[rows, columns][:, None]
         slopes.append(np.einsum("nij,nj->ni", found.by_point[:, own], way)[:, :, None])
+    if cameras:
+        p_LQ = apply(rig.left.X_CW, behind)
+        by_rig = project_to_cameras(p_LQ.T, rig.values, rig.lens)[2]
+        wrong = [rig.names.index(name) for name in cameras]
+        slopes.append(by_rig[wrong, own].transpose(2, 1, 0))
     return np.concatenate(slopes, axis=2)

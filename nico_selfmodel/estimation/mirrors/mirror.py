@@ -70,6 +70,21 @@ class MirrorCalibration:
         names = self.solution.reflections.mirrors
         return dict(zip(names, self.solution.mirrors, strict=True))
 
+    @property
+    def covariance(self) -> ParameterCovariance | None:
+        """Of arm, cameras and mirrors together; None where nothing is known of arm and cameras.
+
+        Mirrors that were learned through one arm and one pair of cameras err alike.
+        """
+        known, follows = self.model.covariance, self.solution.shared
+        errors = self.solution.reflections.shared
+        if known is None or follows is None or errors is None:
+            return None
+        planes = self.solution.uncertainty
+        shared = follows[:, [errors.names.index(name) for name in known.names]]
+        matrix = np.block([[known.matrix, shared.T], [shared, planes.covariance]])
+        return ParameterCovariance((*known.names, *planes.names), matrix)
+
 
 def calibrate_mirrors(
     dataset: Dataset,
@@ -161,8 +176,10 @@ def evaluate_mirrors(
 def _noise_of(dataset: Dataset, model: SelfModel, joint_sigma: float | None) -> ReflectionNoise:
     """Return what the data set and the model say of noise; the joints' from the hand's if need be.
 
-    What the training left is joint noise with its tail. A model without that says how the hand
-    scatters: joints that scatter by as much over the mean lever explain it.
+    What the training left is joint noise with its tail. Joint noise is the body's own: points that
+    the arm was learned from tell it better than pixels, of which arm and cameras together may be
+    wrong by more than joints are loose. A model without that says how the hand scatters: joints
+    that scatter by as much over the mean lever explain it.
     """
     if joint_sigma is not None and not 0.0 <= joint_sigma <= np.pi:
         raise ValueError(
@@ -171,7 +188,7 @@ def _noise_of(dataset: Dataset, model: SelfModel, joint_sigma: float | None) -> 
     pixel_sigma = dataset.pixel_sigma_px or model.pixel_sigma or _ASSUMED_PIXEL_SIGMA
     known = model.noise_mixtures
     if joint_sigma is None and known:
-        joint_sigma = known.get("pixels", next(iter(known.values()))).rms_joint_sigma
+        joint_sigma = known.get("points", next(iter(known.values()))).rms_joint_sigma
     if joint_sigma is None:
         by_angle = known_points(dataset, model, np.arange(len(dataset))).by_angle
         lever = float(np.sqrt(np.mean(np.sum(by_angle**2, axis=(1, 2))) / 3.0))

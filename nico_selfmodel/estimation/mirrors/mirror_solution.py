@@ -53,6 +53,9 @@ class MirrorSolution:
     """Of the last adjustment."""
     history: tuple[float, ...]
     """Cost after each step of the last adjustment."""
+    shared: NDArray | None = None
+    """Covariance of all planes' values with what arm and cameras are wrong by, the parameters of
+    `reflections.shared`; None where nothing is known of these. Shape (3 M, K)."""
 
     @property
     def distances(self) -> NDArray:
@@ -139,7 +142,7 @@ def _solution(
 ) -> MirrorSolution:
     """Gather what is known at the solution."""
     x = found.solution.x
-    uncertainty = _uncertainty(reflections, block, x, ~found.outliers, noise)
+    uncertainty, shared = _uncertainty(reflections, block, x, ~found.outliers, noise)
     mirrors = []
     for m, name in enumerate(reflections.mirrors):
         own = slice(3 * m, 3 * m + 3)
@@ -162,6 +165,7 @@ def _solution(
         found.solution.converged,
         found.iterations,
         found.solution.history,
+        shared,
     )
 
 
@@ -191,11 +195,12 @@ def _uncertainty(
     x: NDArray,
     inliers: NDArray,
     noise: ReflectionNoise,
-) -> Uncertainty:
+) -> tuple[Uncertainty, NDArray | None]:
     """Return the covariance of the planes: noise averages out over poses, the arm's errors do not.
 
     With x = K r, K = (J'J)^-1 J': K (s^2 N + F F') K', N what is each row's own and F what is
-    shared by all rows.
+    shared by all rows, F = D C^1/2 with C the covariance of arm and cameras. The planes follow
+    their errors by - K D, so that - K F C^1/2' is their covariance with these.
     """
     r, jacobian = block.evaluate(x)
     rows = np.transpose(jacobian, (2, 1, 0))[inliers]
@@ -206,7 +211,7 @@ def _uncertainty(
     natural = np.array([part for height in heights for part in (1.0, 1.0, height)])
     plain = Uncertainty.from_jacobian(block.names, stacked, natural, squares, counted)
     if plain.unobservable or reflections.shared is None:
-        return plain
+        return plain, None
     gain = np.linalg.solve(stacked.T @ stacked, stacked.T).reshape(len(x), *rows.shape[:2])
     white, by_point = block.whitening, project_reflections(reflections, x).by_point
     own = white @ independent_covariance(reflections, by_point, noise) @ np.swapaxes(white, 1, 2)
@@ -215,4 +220,5 @@ def _uncertainty(
     systematic = np.einsum("xnk,nkj->xj", gain, (white @ factor)[inliers])
     covariance = np.einsum("xnk,nkl,ynl->xy", gain, own[inliers], gain) * plain.variance_factor
     covariance = covariance + systematic @ systematic.T
-    return replace(plain, covariance=covariance, sigma=np.sqrt(np.diag(covariance)))
+    found = replace(plain, covariance=covariance, sigma=np.sqrt(np.diag(covariance)))
+    return found, -systematic @ reflections.shared.root.T

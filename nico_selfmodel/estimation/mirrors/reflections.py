@@ -17,6 +17,7 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import EVERY_INTRINSIC
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
+from nico_selfmodel.optimization.uncertainty import root_of
 
 
 @dataclass(frozen=True)
@@ -34,11 +35,13 @@ class SharedErrors:
     """What is wrong with all rows alike: the arm and the cameras as far as they are not known."""
 
     root: NDArray
-    """Square root of the parameters' covariance, C = root root'. Shape (K, K)."""
+    """Square root of the parameters' covariance, C = root root'. Shape (K, k)."""
     by_parameter: NDArray
     """Derivatives of the points by the parameters. Shape (N, 3, K)."""
     camera_columns: tuple[tuple[int, str, str], ...] = ()
     """Column, camera and parameter of what belongs to the cameras."""
+    names: tuple[str, ...] = ()
+    """Of the parameters. Length K."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,9 +207,8 @@ def _shared_errors(model: SelfModel, slopes: NDArray) -> SharedErrors | None:
             by_parameter[:, :, column] = slopes[:, :, arm.index(name)]
         elif camera in model.cameras and (part in EVERY_INTRINSIC or part.startswith("pose.")):
             cameras.append((column, camera, part))
-    values, vectors = np.linalg.eigh(model.covariance.matrix)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    return SharedErrors(root, by_parameter, tuple(cameras))
+    root = root_of(model.covariance.matrix)
+    return SharedErrors(root, by_parameter, tuple(cameras), known)
 
 
 def seen_by_any(pixels: NDArray) -> NDArray:

@@ -9,7 +9,6 @@ from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import CAMERA
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.monitoring.body_causes import body_causes, body_changes
-from nico_selfmodel.estimation.monitoring.change_likelihood import root_of
 from nico_selfmodel.estimation.monitoring.diagnosis import ranked_causes
 from nico_selfmodel.estimation.monitoring.health import HealthReport, in_turn, watched
 from nico_selfmodel.estimation.noise.hand_observations import laid_out
@@ -20,6 +19,7 @@ from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.model.noise_mixture import NoiseMixture
 from nico_selfmodel.model.tree.body_model import BodyModel
+from nico_selfmodel.optimization.uncertainty import root_of
 
 _WIDER, _TAIL_SHARE, _OUTLIER_SHARE = 3.0, 0.05, 0.005
 """A body says what noise is usual. Rarer noise is taken so many times as wide, and of so large a

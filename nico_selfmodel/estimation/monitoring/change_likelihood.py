@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.noise.mixture_density import MixtureDensity
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 from nico_selfmodel.model.noise_mixture import NoiseMixture
+from nico_selfmodel.optimization.uncertainty import root_of
 
 _ROUNDS, _TOLERANCE = 50, 1e-3
 """Most rounds, and the gain in the likelihood's logarithm at which they end."""
@@ -114,12 +115,3 @@ def _pseudo_inverse(matrix: NDArray) -> tuple[NDArray, int]:
 
 def _sizes(matrix: NDArray) -> NDArray:
     return np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
-
-
-def root_of(covariance: NDArray) -> NDArray:
-    """Return L with C = L L', without the directions in which C is zero. Shape (P, p)."""
-    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    size = np.where(sigma > 0.0, sigma, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
-    kept = values > 1e-12 * max(float(values[-1]), np.finfo(float).tiny)
-    return size[:, None] * vectors[:, kept] * np.sqrt(values[kept])

@@ -16,9 +16,10 @@ from nico_selfmodel.experiments.mirror_test.painting import (
     Painter,
 )
 from nico_selfmodel.sessions.mirrors.acquaintance import rendered
+from nico_selfmodel.sessions.mirrors.expecting import MirrorLook
 from nico_selfmodel.sessions.mirrors.knowing import TURNED, Knowing
 from nico_selfmodel.sessions.mirrors.mark_finder import Finding, MarkFinder
-from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook, MirrorLooks
+from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
 from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.systems.rendering.body_image import BodyImage

@@ -51,9 +51,9 @@ def place_mirrors(robots: Sequence[Knowing], refusals: Sequence[Refusal] = ()) -
     found = []
     for known in robots:
         truth = rendered(known.robot).ground_truth
-        for by, model in ((HAND, known.robot.model), (WHOLE, known.body.model)):
+        for by, mirrors in ((HAND, known.robot.model.mirrors), (WHOLE, known.body.places)):
             for name, view in known.before.views.items():
-                true, own = truth.mirror(view.X_BM), model.mirrors[name]
+                true, own = truth.mirror(view.X_BM), mirrors[name]
                 found.append(_place(known.robot.seed, name, by, own, true))
     return MirrorsStage(tuple(found), tuple(refusals))
 

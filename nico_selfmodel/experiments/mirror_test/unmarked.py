@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from nico_selfmodel.sessions.mirrors.acquaintance import rendered
+from nico_selfmodel.sessions.mirrors.expecting import MirrorLook
 from nico_selfmodel.sessions.mirrors.knowing import Knowing
-from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook, MirrorLooks
+from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, of_robot

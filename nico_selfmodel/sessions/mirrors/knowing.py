@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.sessions.mirrors.acquaintance import Acquainted, rendered
+from nico_selfmodel.sessions.mirrors.expecting import Unknown
 from nico_selfmodel.sessions.mirrors.known_body import KnownBody, know_body
 from nico_selfmodel.sessions.mirrors.look_poses import look_poses
-from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks, Unknown
+from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import (
     MIRROR,
     MirrorScenario,
@@ -39,8 +40,8 @@ GLASSES = {
 """What somebody may put before the robot: flat, clean and large enough, or not."""
 LINKS = ("head", "chest")
 """What is looked at in mirrors, learned and marked."""
-_POSES = 12
-"""In which the robot sees its hand in each mirror to learn where that stands."""
+_POSES, _HELD_OUT = 30, 8
+"""In which the robot sees its hand in each mirror, to learn where that stands and to judge it."""
 _CHOICES = 2000
 """From which those next to poses in which the arm was learned are taken."""
 _UNMARKED = 3
@@ -125,8 +126,9 @@ def learn_two_mirrors(robot: Acquainted, plate: MirrorPlate, stage: Stage) -> Mi
         EstimationError: If it does not.
     """
     learned = learn_mirror(
-        robot.model, robot.world, robot.seed, familiar=robot.readings, poses=_POSES, plate=plate,
-        mirrors=PLACES, arm=rendered(robot).arm, choices=_CHOICES, stage=stage,
+        robot.model, robot.world, robot.seed, familiar=robot.readings, poses=_POSES,
+        held_out=_HELD_OUT, plate=plate, mirrors=PLACES, arm=rendered(robot).arm,
+        choices=_CHOICES, stage=stage,
     )  # fmt: skip
     if learned.verdict.status == "FAIL":
         raise EstimationError("; ".join(learned.verdict.reasons))
@@ -134,8 +136,9 @@ def learn_two_mirrors(robot: Acquainted, plate: MirrorPlate, stage: Stage) -> Mi
 
 
 def with_mirrors(robot: Acquainted, learned: MirrorScenario) -> Acquainted:
-    """Return a robot that knows the mirrors that it has learned."""
-    return replace(robot, model=learned.model)
+    """Return a robot that knows the mirrors that it has learned, and how they err together."""
+    together = learned.calibration.covariance
+    return replace(robot, model=replace(learned.model, covariance=together))
 
 
 def trusting(known: Knowing) -> Knowing:

@@ -1,7 +1,7 @@
 """What a robot knows of its body after it has looked at it in mirrors, unmarked."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -19,16 +19,13 @@ from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.sessions.mirrors.before_pictures import before_pictures, with_cameras
 from nico_selfmodel.systems.rendering.body_image import NOTHING, BodyImage
 from nico_selfmodel.vision.images.image_array import bgr_of_rgba, smoothed
 from nico_selfmodel.vision.surprise.surprise import away_from_the_unknown
 
 STANDING = ("neck_yaw", "neck_pitch", "neck_roll", "eyes_tilt")
 """Joints that hold head and cameras, by the description."""
-_JOINT_SIGMA = np.radians(1.5)
-"""How far they may stand from where the description holds them [rad]."""
-_TURN_SIGMA, _SHIFT_SIGMA = np.radians(0.7), 2e-3
-"""How far the body may stand from where the learned arm has it, about the shoulder [rad, m]."""
 _POINT_SIGMA = 1.5e-3
 """What places may be off by while they are aligned [m]."""
 _SMOOTH = 1.0
@@ -67,6 +64,9 @@ class KnownBody:
     """The shoulder, where the learned arm has it [m]. Shape (3,)."""
     covariance: NDArray
     """Of all mirrors' values, the angles and the shift. Shape (3 m + k + 6, 3 m + k + 6)."""
+    places: Mapping[str, Mirror] = field(default_factory=dict)
+    """Where the mirrors stand, with covariances that count what the cameras may be wrong by. The
+    model's mirrors fit the pictures as its cameras show them, wrong as these are."""
 
     @property
     def X_WB(self) -> NDArray:
@@ -146,30 +146,54 @@ def know_body(
         EstimationError: If the pictures hardly show the body.
     """
     start = _described(image, model, tuple(dict.fromkeys(shot.mirror for shot in shots)))
-    known = start
+    known = placed = start
     for step in range(_STEPS):
         known.pose(image)
         views = [_view(known, image, shot, side) for shot in shots for side in range(2)]
         mirrors = [known.model.mirrors[name] for name in known.mirrors]
         motions = [motion for motion, _ in known.motions(image)]
-        before = known.values - start.values, start.covariance
+        off = known.values - start.values
+        if step == _STEPS - 1:
+            placed = _with_cameras(known, views, mirrors, motions, off, start.covariance)
+        before = off, start.covariance
         known = known.changed(alignment_step(views, model.rig, mirrors, motions, before, _AREA))
         if progress:
             progress(step + 1, _STEPS)
     known.pose(image)
-    return known
+    places = {name: placed.model.mirrors[name] for name in known.mirrors}
+    return replace(known, places=MappingProxyType(places))
+
+
+def _with_cameras(
+    known: KnownBody,
+    views: Sequence[AlignedView],
+    mirrors: Sequence[Mirror],
+    motions: Sequence[BodyMotion],
+    off: NDArray,
+    own: NDArray,
+) -> KnownBody:
+    """Return what is known where the cameras may be wrong, too, by as much as they are known.
+
+    Args:
+        known: What was expected.
+        views: What was seen of it.
+        mirrors: Of what is known, in turn.
+        motions: How the body may stand elsewhere.
+        off: What is known less what was before the pictures. Shape (n,).
+        own: Covariance of that. Shape (n, n).
+    """
+    cameras, prior = with_cameras(known.model, known.mirrors, own)
+    before = np.append(off, np.zeros(len(cameras))), prior
+    found = alignment_step(views, known.model.rig, mirrors, motions, before, _AREA, cameras)
+    n = len(own)
+    return known.changed(Alignment(found.change[:n], found.covariance[:n, :n]))
 
 
 def _described(image: BodyImage, model: SelfModel, mirrors: tuple[str, ...]) -> KnownBody:
     """Return what is known before the body was seen in a mirror."""
     joints = image.standing(STANDING)
     shoulder = image.standing((image.first_joint,))[0]
-    blocks = [model.mirrors[name].covariance for name in mirrors]
-    sigma = [_JOINT_SIGMA] * len(joints) + [_TURN_SIGMA] * 3 + [_SHIFT_SIGMA] * 3
-    covariance = np.diag(np.square([0.0] * (3 * len(mirrors)) + sigma))
-    for k, block in enumerate(blocks):
-        assert block is not None, "a mirror that was learned has a covariance"
-        covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = block
+    covariance = before_pictures(model, mirrors, len(joints))
     angles = MappingProxyType({joint.name: joint.angle for joint in joints})
     return KnownBody(model, mirrors, angles, np.zeros(6), shoulder.p_WJ, covariance)
 

@@ -22,8 +22,8 @@ from nico_selfmodel.estimation.mirrors.surface_evidence import SurfaceView, surp
 from nico_selfmodel.geometry.solids.solid import Solid
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
+from nico_selfmodel.sessions.mirrors.expecting import MirrorLook, Unknown
 from nico_selfmodel.sessions.mirrors.known_body import KnownBody
-from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook, Unknown
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.vision.surprise.blobs import FALSE_ALARM, Blob, threshold_of
 from nico_selfmodel.vision.surprise.seen_places import all_judged, seen_places

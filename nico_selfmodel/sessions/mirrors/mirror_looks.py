@@ -1,41 +1,28 @@
 """Looking into a mirror at oneself, and what of it was not expected."""
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
-from types import MappingProxyType
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.mirrors.reflection_sigma import reflection_sigma
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.sessions.mirrors.expecting import POINT_SIGMA, Expecting, MirrorLook, Unknown
 from nico_selfmodel.sessions.mirrors.known_body import Shot
-from nico_selfmodel.systems.rendering.body_image import NOTHING, BodyImage
-from nico_selfmodel.systems.rendering.cropped_render import LabelledPicture
+from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.systems.rendering.mirror_scene import put_mirror
 from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
-from nico_selfmodel.vision.images.image_array import bgr_of_rgba
 from nico_selfmodel.vision.images.motion_mask import picture_noise
-from nico_selfmodel.vision.surprise.blobs import Blob, surprising_places
+from nico_selfmodel.vision.surprise.blobs import surprising_places
 from nico_selfmodel.vision.surprise.seen_places import WEAK
 from nico_selfmodel.vision.surprise.surprise import (
-    Expectation,
     Surprise,
     as_before,
-    away_from_the_unknown,
     log_likelihood,
     surprise,
 )
-
-POINT_SIGMA = 3e-3
-"""What places of links that were not learned are not known by: the head's joints are held to a
-degree, and its face is 0.15 m from them [m]."""
-APPEARANCE_SIGMA = 0.03
-"""What colours and light of the description are not known by, as a share of the grey level; set on
-robot 0."""
 
 COLOR_SIGMA = 0.01
 """What colours are not known by once the body has been looked at, as a share of the grey level; set
@@ -43,59 +30,6 @@ on robots 0 and 1."""
 
 _POINTS = (2.5e-4, 5e-4, 1e-3, 2e-3, POINT_SIGMA)
 """What places of a link may turn out not to be known by [m]."""
-
-
-_UNLIKE = 16.27
-"""Chi-square of three degrees of freedom that one place in a thousand exceeds by chance."""
-_WHOLE = 0.5
-"""Of what a link's places are likeliest not known by, what is the place of the whole link: the rest
-is another in each edge; set on robots 980 and 1010."""
-
-
-@dataclass(frozen=True, eq=False)
-class Unknown:
-    """What a body may look otherwise by than expected: standard deviations."""
-
-    points: Mapping[str, float] = field(default_factory=dict)
-    """Link -> of its places, each coordinate [m]."""
-    other: float = POINT_SIGMA
-    """The same of all other links [m]."""
-    likely: Mapping[str, float] = field(default_factory=dict)
-    """Link -> what of its places, each coordinate, is likeliest not known [m]."""
-    color: float = APPEARANCE_SIGMA
-    """Of colours and light, as a share of the grey level."""
-
-    def __post_init__(self) -> None:
-        """Make the mappings read-only."""
-        for name in ("points", "likely"):
-            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
-
-    def place_sigma(self, link: str) -> float:
-        """Return what the place of a whole link is not known by, each coordinate [m]."""
-        return _WHOLE * self.likely.get(link, self.points.get(link, self.other))
-
-
-@dataclass(frozen=True, eq=False)
-class MirrorLook:
-    """One camera's look at oneself in a mirror."""
-
-    side: str
-    """Which camera."""
-    picture: NDArray
-    """What it saw, BGR. Shape (h, w, 3)."""
-    expected: Expectation
-    """What it should have seen, and where that was judged."""
-    surprise: Surprise
-    """What differs."""
-    blobs: tuple[Blob, ...]
-    """Where it differs more than it should."""
-    labels: NDArray
-    """Link that is expected in each pixel, by its number in `BodyImage.links`. Shape (h, w)."""
-    readings: NDArray
-    """Of the encoders [encoder units]. Shape (n,)."""
-    depth: NDArray
-    """Along the optical axis to where what is expected seems to be; inf where that is nothing [m].
-    Shape (h, w)."""
 
 
 class MirrorLooks:
@@ -179,9 +113,10 @@ class MirrorLooks:
 
     def judge(self) -> tuple[MirrorLook, MirrorLook]:
         """Look from where the robot stands; returns and raises as `look`."""
-        readings = self._readings()
+        readings, expecting = self._readings(), self._expecting()
         left, right = (
-            self._judged(side, picture, readings) for side, picture in enumerate(self._pictures())
+            expecting.judged(side, picture, readings)
+            for side, picture in enumerate(self._pictures())
         )
         return left, right
 
@@ -195,7 +130,7 @@ class MirrorLooks:
             Truth values. Shape (h, w) each.
         """
         left, right = (
-            np.isfinite(self._pixel_sigma(side, seen, self.unknown))
+            np.isfinite(self._expecting().pixel_sigma(side, seen))
             for side in range(len(SIDES))
             for seen in [self._image.expect(readings, self._mirror, side)]
         )
@@ -236,35 +171,9 @@ class MirrorLooks:
         )
         return left, right
 
-    def _judged(self, side: int, picture: NDArray, readings: NDArray) -> MirrorLook:
-        seen = self._image.expect(readings, self._mirror, side)
-        expected = self._expected(side, seen, self.unknown)
-        found = surprise(picture, expected)
-        places = surprising_places(found)
-        return MirrorLook(
-            SIDES[side], picture, expected, found, places, seen.labels, readings, seen.depth
-        )
-
-    def _expected(self, side: int, seen: LabelledPicture, unknown: Unknown) -> Expectation:
-        """Return an expected picture, what is judged of it, and how well it is known."""
-        sigma = self._pixel_sigma(side, seen, unknown)
-        return Expectation(bgr_of_rgba(seen.color), sigma, self.noise[side], unknown.color)
-
-    def _pixel_sigma(self, side: int, seen: LabelledPicture, unknown: Unknown) -> NDArray:
-        """Return how well it is known where an expected picture is seen; nan where not judged."""
-        points = np.full(seen.labels.shape, unknown.other)
-        for number, name in self._image.links.items():
-            if name in unknown.points:
-                points[seen.labels == number] = unknown.points[name]
-        sigma = reflection_sigma(self._rig, self._mirror, side, seen.depth, points)
-        sigma = away_from_the_unknown(np.where(seen.labels == NOTHING, np.nan, sigma))
-        moving = np.isin(seen.labels, [*self._image.moving])
-        if moving.any():
-            # Its joints are loose, and what is nearest moves farthest in the picture.
-            loose = self._rig.cameras[side].fx * POINT_SIGMA / float(seen.depth[moving].min())
-            beside = away_from_the_unknown(np.where(moving, np.nan, loose))
-            sigma = np.where(np.isfinite(beside), sigma, np.nan)
-        return sigma
+    def _expecting(self, unknown: Unknown | None = None) -> Expecting:
+        known = unknown or self.unknown
+        return Expecting(self._image, self._rig, self._mirror, self.noise, known)
 
     def unknown_of(self, commands: Sequence[NDArray]) -> Unknown:
         """Learn from the unmarked body how far each of its links looks otherwise than expected.
@@ -288,7 +197,8 @@ class MirrorLooks:
             for side, picture in enumerate(self._pictures()):
                 seen = self._image.expect(readings, self._mirror, side)
                 for k, point in enumerate(_POINTS):
-                    expected = self._expected(side, seen, Unknown({}, point, {}, COLOR_SIGMA))
+                    unknown = Unknown({}, point, {}, COLOR_SIGMA)
+                    expected = self._expecting(unknown).expected(side, seen)
                     each = log_likelihood(picture, expected)
                     own = seen.labels[np.isfinite(each)]
                     likely[k] += np.bincount(own, each[np.isfinite(each)], size)
@@ -321,12 +231,7 @@ class MirrorLooks:
             The largest of all pictures; 1 where none of the links is in one.
         """
         numbers = [number for number, name in self._image.links.items() if name in links]
-        shares = []
-        for command in commands:
-            for look in self.look(command):
-                chi_square = look.surprise.chi_square
-                own = np.isfinite(chi_square) & np.isin(look.labels, numbers)
-                shares.append(float(np.mean(chi_square[own] > _UNLIKE)) if own.any() else 1.0)
+        shares = [look.unlike(numbers) for command in commands for look in self.look(command)]
         return max(shares)
 
     def _pictures(self) -> list[NDArray]:

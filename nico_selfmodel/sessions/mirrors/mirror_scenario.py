@@ -64,6 +64,7 @@ def learn_mirror(
     marker: str = "fiducial",
     familiar: NDArray | None = None,
     poses: int = POSES,
+    held_out: int | None = None,
     plate: MirrorPlate | None = None,
     mirrors: Mapping[str, Mirror] | None = None,
     arm: ArmDescription | None = None,
@@ -78,7 +79,8 @@ def learn_mirror(
         seed: Which robot.
         marker: What is tracked on the hand.
         familiar: Readings at which the arm was learned: poses near them are preferred. (K, n).
-        poses: To learn from; as many are held out.
+        poses: To learn from, in each mirror.
+        held_out: More poses in each, to judge by; as many as to learn from if omitted.
         plate: The glass.
         mirrors: Name -> where that mirror is meant to stand; `MIRROR` at the default place if
             omitted.
@@ -94,16 +96,16 @@ def learn_mirror(
     """
     nico = RenderedNico(world, seed, (marker,), arm=arm)
     places = mirrors or {MIRROR: DEFAULT_MIRROR}
+    wanted = poses + (poses if held_out is None else held_out)
     shown = next(iter(places))
     before = NicoBeforeMirrors(
         nico, places, plate=plate, knows=model, rig=model.rig, familiar=familiar, choices=choices
     )
     data = before.record(
-        "mirror", DAY, 2 * poses, progress=telling(stage, "looking at its hand in a mirror")
+        "mirror", DAY, wanted, progress=telling(stage, "looking at its hand in a mirror")
     )
-    # Every other pose is held out, so that both halves cover the same places.
-    held_out = np.isin(data.sample, np.unique(data.sample)[1::2])
-    train, test = data.select(~held_out), data.select(held_out)
+    aside = held_out_rows(data, 1.0 - poses / wanted)
+    train, test = data.select(~aside), data.select(aside)
     telling(stage, "learning the mirror")(0, 1)
     calibration = calibrate_mirrors(train, model, test=test)
     telling(stage, "learning the mirror")(1, 1)
@@ -112,6 +114,18 @@ def learn_mirror(
     picture = MirrorPicture(int(train.sample[row]), train.encoders[row], images)
     verdict = judge(calibration)
     return MirrorScenario(judged(calibration, verdict), verdict, train, test, picture)
+
+
+def held_out_rows(data: Dataset, share: float) -> NDArray:
+    """Choose a share of the poses, evenly, so that chosen and others cover the same places.
+
+    Returns:
+        Which rows belong to them. Boolean, shape (N,).
+    """
+    samples = np.unique(data.sample)
+    count = round(share * len(samples))
+    last = np.floor((1.0 + np.arange(count)) * len(samples) / max(count, 1)).astype(int) - 1
+    return np.isin(data.sample, samples[last])
 
 
 def with_mirror(scenario: BodyScenario, mirror: MirrorScenario) -> BodyScenario:

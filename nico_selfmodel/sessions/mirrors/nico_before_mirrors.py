@@ -32,6 +32,8 @@ SPARE = 2.0
 _FAMILIAR = 120
 """Poses to choose from where those near familiar ones are preferred."""
 _TRIES = 2
+_LARGEST = 10.0
+"""Width and height of a glass at most [m]."""
 _NOISE = {"pixel_sigma": 0.3, "noise_sigma": 4e-3}
 """What choosing poses reckons with: a marker found in the image [px], an arm known [m]."""
 
@@ -264,3 +266,22 @@ def mirror_of_words(words: str) -> tuple[str, Mirror]:
             "camera [mm] and how far the glass is turned to the image's right and upwards [deg]"
         )
     return name.strip(), Mirror.from_values([*np.radians(numbers[1:]), 1e-3 * numbers[0]])
+
+
+def plate_of_words(words: str | None) -> MirrorPlate:
+    """Read `width_mm,height_mm` of a glass; that of a `MirrorPlate` where nothing is said.
+
+    Raises:
+        ValueError: If it is something else.
+    """
+    if words is None:
+        return MirrorPlate()
+    try:
+        width, height = (1e-3 * float(word) for word in words.split(","))
+        if max(width, height) > _LARGEST:
+            raise ValueError(f"a glass has at most {_LARGEST:g} m")
+        return MirrorPlate(width=width, height=height)
+    except ValueError as error:
+        raise ValueError(
+            f"--glass {words}: expected width and height of a mirror [mm], as in 1400,1400"
+        ) from error

@@ -24,7 +24,7 @@ from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import BodyTree
-from nico_selfmodel.optimization.uncertainty import Uncertainty
+from nico_selfmodel.optimization.uncertainty import Uncertainty, root_of
 
 _STEPS = 3
 """From what fits an exact body best to what fits one that may err: nearly linear."""
@@ -154,8 +154,7 @@ def _with_errors_of_body(found: TreeCalibration, body: ParameterCovariance) -> L
     problem = TreeProblem(bends, free, {}, found.solution.noise, noise_known=True)
     names, still = problem.free_names, np.zeros(len(bends.parameters.names) - len(found.values))
     own, known, drifting = ([names.index(n) for n in s] for s in (new, body.names, drifts.names))
-    squares, vectors = np.linalg.eigh(body.matrix)
-    L = vectors * np.sqrt(np.maximum(squares, 0.0))
+    L = root_of(body.matrix)
     largest, solution = float(found.solution.noise.joint.max(initial=0.0)), found.solution
 
     def at(solution: TreeSolution) -> TreeSolution:
@@ -171,9 +170,9 @@ def _with_errors_of_body(found: TreeCalibration, body: ParameterCovariance) -> L
         values[problem.columns[own]] += weighed(solution)[0].step
         solution = replace(solution, values=values)
     last, count = weighed(solution)
-    may_err = np.zeros((len(names), len(body.names) + len(drifting)))
-    may_err[known, : len(body.names)] = L
-    may_err[drifting, len(body.names) :] = np.diag(last.drift * drifts.scale)
+    may_err = np.zeros((len(names), L.shape[1] + len(drifting)))
+    may_err[known, : L.shape[1]] = L
+    may_err[drifting, L.shape[1] :] = np.diag(last.drift * drifts.scale)
     uncertainty = _uncertainty(found, new, last.information, count)
     across = last.with_body @ L.T
     matrix = np.block([[body.matrix, across.T], [across, uncertainty.covariance]])
