@@ -38,6 +38,8 @@ class LinearResiduals:
     information: NDArray | None = None
     """Inverse variances of what is known of the parameters beforehand, where `r` is about their
     means; fitting takes less from the residuals then. Shape (P,)."""
+    taken: NDArray | None = None
+    """Freedoms of each sensor's coordinates that something took before. Shape (G,)."""
 
     @property
     def by_row(self) -> NDArray:
@@ -112,6 +114,8 @@ class VarianceSearch:
         """Sensor of each coordinate by pose, -1 where there is none. Shape (poses, K)."""
         self._own = self._grouped[:, :, None] == np.arange(len(sensor_held))
         self._counts = self._own.sum(axis=(0, 1))
+        if residuals.taken is not None:
+            self._counts = self._counts - residuals.taken
         self._given = np.ones(len(sensor_held))
 
     def run(self, sensor: NDArray, joint: NDArray) -> Variances:

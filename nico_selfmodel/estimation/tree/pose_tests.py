@@ -56,6 +56,7 @@ def far_observations(
     by_joint: NDArray,
     prior: NDArray,
     outliers: NDArray,
+    took: NDArray | None = None,
 ) -> NDArray:
     """Return observations that neither the body nor the rest of their pose explains.
 
@@ -71,6 +72,7 @@ def far_observations(
         by_joint: Derivatives by the joints' errors in their own sigmas. Shape (R, m).
         prior: Information of the priors on their diagonal. Shape (p,).
         outliers: Those that do not count, by row of the table. Shape (N,).
+        took: See `TreeLinear`.
 
     Returns:
         Boolean, by row of the table. Shape (N,).
@@ -92,6 +94,8 @@ def far_observations(
         distance = np.empty(len(at))
         e, SiJ = solved[at, 0], solved[at, 1:]
         left = np.eye(k) * (1.0 + 1e-3) - across - SiJ @ C @ np.swapaxes(SiJ, 1, 2)
+        if took is not None:
+            left = left - took[at] @ np.swapaxes(took[at], 1, 2)
         distance[~known] = _squares(left[~known], e[~known])
         rest = r[at] + np.einsum("nkm,nm->nk", B, shift[visit[at[:, 0]]])
         V = np.eye(k) + across + J[at] @ C @ np.swapaxes(J[at], 1, 2)
@@ -101,7 +105,7 @@ def far_observations(
     new = np.flatnonzero(found & ~outliers)
     worst = new[np.argsort(-ratio[new], kind="stable")]
     of_row = np.full(len(outliers), -1)
-    of_row[observations.row] = observations.visit
+    of_row[observations.row] = observations.sample_visit
     first = np.unique(of_row[worst], return_index=True)[1]
     found[new] = False
     found[worst[first]] = True

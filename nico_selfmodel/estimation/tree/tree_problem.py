@@ -22,6 +22,7 @@ from nico_selfmodel.estimation.noise.variance_components import (
     LinearResiduals,
     VarianceSearch,
 )
+from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeLinear, TreeResiduals
 from nico_selfmodel.estimation.tree.pose_tests import far_observations, slipped_joints
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
@@ -49,6 +50,11 @@ class _Block:
         self._problem, self._values, self._whitening = problem, values, whitening
         self.names = problem.free_names
         self._start = problem.residuals.whole_poses(problem.residuals.parameters.tree_of(values))
+        keep = np.ones(len(problem.observations.row), dtype=bool)
+        if whitening is not None:
+            keep[:] = False
+            keep[whitening.groups.rows] = True
+        self._apart = PosesApart.of(problem.observations, keep)
 
     def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
         """Return residuals, shape (1, R), and derivatives, shape (p, 1, R)."""
@@ -56,8 +62,10 @@ class _Block:
         values = self._values.copy()
         values[problem.columns] = x
         linear = problem.residuals.linear(values, self._start)
+        linear = replace(linear, J=linear.J[problem.columns])
+        linear = self._apart.eliminated(linear, problem.scale)
         r = (linear.r / problem.scale)[None]
-        J = (linear.J[problem.columns] / problem.scale)[:, None]
+        J = (linear.J / problem.scale)[:, None]
         return (r, J) if self._whitening is None else self._whitening.whiten(r, J)
 
 
@@ -109,12 +117,20 @@ class TreeProblem:
 
     def _boards_free(self, values: NDArray) -> PoseWhitening | None:
         """Return what lets poses that nobody reads go along, weights of joints left out."""
-        if not self.observations.unread.any():
+        data = self.observations
+        on = data.data.seen_on[data.row]
+        if not (np.isin(on, data.data.free_joints) & ~data.apart).any():
             return None
-        linear = self.residuals.linear(values)
-        groups = self._groups(np.zeros(len(self.observations.data.observations), dtype=bool))
+        nothing = np.zeros(len(data.data.observations), dtype=bool)
+        linear = self._linear(values, nothing)
         by_joint = np.where(self.observations.unread, linear.by_joint, 0.0)
-        return self._whitening(replace(linear, by_joint=by_joint), groups, None)
+        return self._whitening(replace(linear, by_joint=by_joint), data.groups(nothing), None)
+
+    def _linear(self, values: NDArray, outliers: NDArray) -> TreeLinear:
+        """Return residuals and derivatives, poses of what no joint moves eliminated."""
+        keep = ~outliers[self.observations.row]
+        linear = self.residuals.linear(values)
+        return PosesApart.of(self.observations, keep).eliminated(linear, self.scale)
 
     def rough(self, values: NDArray, rounds: int = _ROUGH_ROUNDS) -> tuple[NDArray, float]:
         """Solve from afar, each sensor weighed by itself and far observations hardly at all.
@@ -167,11 +183,11 @@ class TreeProblem:
         """
         data = self.observations
         found = self._outlying(values) if outliers is None else outliers
-        groups = self._groups(found)
+        groups = self.observations.groups(found)
         slipped = np.zeros((groups.poses, len(data.noisy_joints)), dtype=bool)
         known, solution = False, None
         for _ in range(_ROUNDS):
-            linear = self.residuals.linear(values)
+            linear = self._linear(values, found)
             equations = int((~found[data.row]).sum()) + len(self.priors)
             known = self._noise_known or equations - len(self.columns) >= LEAST_REDUNDANCY
             before = self.noise
@@ -182,11 +198,11 @@ class TreeProblem:
                 max_iterations=_STEPS_BETWEEN, tolerance=1e-7
             )
             values = self._with(values, solution)
-            linear = self.residuals.linear(values)
+            linear = self._linear(values, found)
             now_slipped, now_found = slipped, found
             if known:
                 now_slipped, now_found = self._tested(linear, groups, slipped, found)
-            new = self._groups(now_found)
+            new = self.observations.groups(now_found)
             same = np.array_equal(now_found, found) and np.array_equal(now_slipped, slipped)
             slipped, found = _regrouped(now_slipped, groups, new), now_found
             groups = new
@@ -202,17 +218,18 @@ class TreeProblem:
         outliers: NDArray,
         known: bool,
     ) -> TreeSolution:
-        whitening = self._whitening(self.residuals.linear(values), groups, slipped)
+        whitening = self._whitening(self._linear(values, outliers), groups, slipped)
         solution = self.program(values, whitening).solve(tolerance=1e-8)
         values = self._with(values, solution)
-        rows, white = self._whitened(values, groups, slipped)
+        rows, white = self._whitened(values, outliers, slipped)
         prior = np.zeros((len(self.priors), len(self.free_names)))
         rest = np.zeros(len(self.priors))
         for i, (name, (mean, sigma)) in enumerate(self.priors.items()):
             prior[i, self.free_names.index(name)] = 1.0 / sigma
             rest[i] = (values[self.residuals.parameters.index[name]] - mean) / sigma
-        by_visit = np.zeros((self._visits, slipped.shape[1]), dtype=bool)
-        by_visit[groups.numbers] = slipped
+        by_visit = np.zeros((self.observations.visits, slipped.shape[1]), dtype=bool)
+        real = groups.numbers < len(by_visit)
+        by_visit[groups.numbers[real]] = slipped[real]
         return TreeSolution(
             values,
             self.noise,
@@ -230,12 +247,13 @@ class TreeProblem:
     def _whitened(
         self,
         values: NDArray,
-        groups: PoseGroups,
+        outliers: NDArray,
         slipped: NDArray,
         beside: NDArray | None = None,
     ) -> tuple[NDArray, NDArray]:
         """Return whitened derivatives by what is free, and residuals, of what counts."""
-        linear = self.residuals.linear(values)
+        groups = self.observations.groups(outliers)
+        linear = self._linear(values, outliers)
         r = (linear.r / self.scale)[None]
         by_all = linear.J[self.columns]
         by_all = by_all if beside is None else np.vstack([by_all, beside.T])
@@ -259,21 +277,17 @@ class TreeProblem:
             By what is free here and then by that, shape (k, free + e), and what is left, shape
             (k,).
         """
-        groups = self._groups(solution.outliers)
-        return self._whitened(solution.values, groups, solution.slipped[groups.numbers], beside)
-
-    @property
-    def _visits(self) -> int:
-        return int(self.observations.visit.max()) + 1
+        numbers = self.observations.groups(solution.outliers).numbers
+        known = solution.slipped
+        slipped = np.zeros((len(numbers), known.shape[1]), dtype=bool)
+        real = numbers < len(known)
+        slipped[real] = known[numbers[real]]
+        return self._whitened(solution.values, solution.outliers, slipped, beside)
 
     def _with(self, values: NDArray, solution: ProgramSolution) -> NDArray:
         out = values.copy()
         out[self.columns] = solution.x
         return out
-
-    def _groups(self, outliers: NDArray) -> PoseGroups:
-        data = self.observations
-        return PoseGroups(data.visit, ~outliers[data.row], 1, data.pose)
 
     def _outlying(self, values: NDArray) -> NDArray:
         """Return observations far out at the start, by the median of their sensor. (N,)."""
@@ -306,7 +320,7 @@ class TreeProblem:
             at = self.free_names.index(name)
             if self.columns[at] in bends:
                 known[at], pull[at] = sigma**-2.0, mean - values[self.columns[at]]
-        own = TreeLinear(linear.r + pull @ J, J, linear.by_joint)
+        own = replace(linear, r=linear.r + pull @ J, J=J)
         loose = self.observations.unread_in(groups.poses, slipped)
         return likeliest_noise(self.observations, own, groups, loose, self.noise, known)
 
@@ -326,7 +340,8 @@ class TreeProblem:
         visit = groups.of(np.ones(len(r), dtype=bool))
         sigma = np.where(loose[visit], FREE_SIGMA, self.noise.joint)
         by_joint = linear.by_joint / self.scale[:, None] * sigma
-        far = far_observations(self.observations, whitening, r, J, by_joint, prior, outliers)
+        seen = self.observations
+        far = far_observations(seen, whitening, r, J, by_joint, prior, outliers, linear.took)
         return found, far
 
 
@@ -357,6 +372,7 @@ def likeliest_noise(
         data.noise_group[:, None],
         slipped,
         information,
+        linear.taken,
     )
     group, counts = _joint_groups(data)
     kept = groups.rows

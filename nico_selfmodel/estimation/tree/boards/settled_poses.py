@@ -14,7 +14,7 @@ from nico_selfmodel.geometry.transform import transform
 
 _ROUNDS = 30
 _SETTLED = 1e-12
-"""Relative change of a sample's sum of squares below which its poses stay."""
+"""Part of a sample's sum of squares below which a step that promises no more is not taken."""
 _EXACT = 1e-14
 """Mean square, in the sensors' variances, below which residuals are those of rounding."""
 _DAMPING, _MOST_DAMPING = 1e-4, 1e6
@@ -46,6 +46,9 @@ def settled_poses(
     going = cost > exact
     for _ in range(_ROUNDS):
         H, g = _by_sample(r, A, sample, count)
+        going &= ~_flat(H, g, cost)
+        if not going.any():
+            break
         diagonal = np.einsum("kii->ki", H)
         H = H + np.eye(m) * (damping[:, None] * diagonal + (diagonal == 0.0))[:, None, :]
         step = -np.linalg.solve(H, g[:, :, None])[:, :, 0] * going[:, None]
@@ -58,7 +61,7 @@ def settled_poses(
         r, A = np.where(kept, now, r), np.where(kept[:, None], slopes, A)
         small = cost - fresh < _SETTLED * cost
         damping = np.where(better, damping / 10.0, damping * 10.0)
-        going &= (better & ~small) | (~better & (damping < _MOST_DAMPING) & ~_flat(H, g, cost))
+        going &= (better & ~small) | (~better & (damping < _MOST_DAMPING))
         cost = np.where(better, fresh, cost)
         going &= cost > exact
         if not going.any():
@@ -68,8 +71,9 @@ def settled_poses(
 
 def _flat(H: NDArray, g: NDArray, cost: NDArray) -> NDArray:
     """Whether no step promises to gain anything: g'H^-1 g. Boolean, shape (P,)."""
+    H = H + np.eye(g.shape[1]) * (np.einsum("kii->ki", H) == 0.0)[:, None, :]
     gain = np.sum(g * np.linalg.solve(H, g[:, :, None])[:, :, 0], axis=1)
-    return np.asarray(gain <= 1e-9 * cost)
+    return np.asarray(gain <= _SETTLED * cost)
 
 
 def _by_sample(r: NDArray, A: NDArray, sample: NDArray, count: int) -> tuple[NDArray, NDArray]:

@@ -47,6 +47,10 @@ class TreeLinear:
     """By all parameters. Shape (P, R)."""
     by_joint: NDArray
     """By what is read with noise, `TreeObservations.noisy_joints`. Shape (R, m)."""
+    taken: NDArray | None = None
+    """Freedoms of each noise group that poses apart took, see `boards.poses_apart`. Shape (G,)."""
+    took: NDArray | None = None
+    """What they took of each scalar, as orthonormal columns: Q of A A^+ = Q Q'. Shape (R, 6)."""
 
 
 class TreeResiduals:
