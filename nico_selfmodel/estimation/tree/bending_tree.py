@@ -189,7 +189,7 @@ class BendingTree:
     ) -> "WeighedTree":
         """Linearise about a body."""
         outliers = self.solution.solution.outliers if self.outliers is None else self.outliers
-        linear = TreeResiduals(self.seen, posture.parameters).linear(posture.values)
+        linear = self._residuals(posture).linear(posture.values)
         apart = PosesApart.of(self.seen, ~outliers[self.seen.row])
         linear = apart.eliminated(linear, noise.sensor[self.seen.noise_group])
         rows = np.concatenate([one.rows for one in self._seeing])
@@ -200,6 +200,12 @@ class BendingTree:
             self.solution.problem.priors,
             self._size_of_rows()[rows],
         )
+
+    def _residuals(self, posture: TreePosture) -> TreeResiduals:
+        known = self.solution.problem.residuals
+        if self.seen is known.observations:
+            return known.about(posture.parameters)
+        return TreeResiduals(self.seen, posture.parameters)
 
     def _pose_of_rows(self) -> NDArray:
         """Return the pose of each row of the table; -1 of what is in no pose. Shape (N,)."""
@@ -260,7 +266,7 @@ class BendingTree:
 
     def _distances(self, posture: TreePosture) -> NDArray:
         """Return the error of each row, alike for all sensors; nan where it is none. (N,)."""
-        r = TreeResiduals(self.seen, posture.parameters).residuals(posture.values)
+        r = self._residuals(posture).residuals(posture.values)
         return lengths(self.seen, r) * self._size_of_rows()
 
     def bent(
@@ -268,7 +274,7 @@ class BendingTree:
     ) -> TreeBend:
         """Return the solution of all observations, outliers looked for anew."""
         rigid = self.solution
-        residuals = TreeResiduals(rigid.problem.observations, posture.parameters)
+        residuals = rigid.problem.residuals.about(posture.parameters)
         both = {**rigid.problem.priors, **priors}
         problem = TreeProblem(residuals, frozenset(free), both, noise)
         return TreeBend(problem, problem.refine(posture.values, self.aside))

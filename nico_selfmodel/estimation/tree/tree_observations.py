@@ -129,8 +129,8 @@ class TreeObservations:
 
     @cached_property
     def visits(self) -> int:
-        """How many visits there are, but those of what no joint moves."""
-        return int(self.visit[~self.apart].max(initial=-1)) + 1
+        """How many visits of samples there are."""
+        return int(self.sample_visit.max()) + 1
 
     @cached_property
     def pose(self) -> NDArray:

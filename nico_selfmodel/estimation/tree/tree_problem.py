@@ -49,7 +49,8 @@ class _Block:
     def __init__(self, problem: "TreeProblem", values: NDArray, whitening: PoseWhitening | None):
         self._problem, self._values, self._whitening = problem, values, whitening
         self.names = problem.free_names
-        self._start = problem.residuals.whole_poses(problem.residuals.parameters.tree_of(values))
+        tree = problem.residuals.parameters.tree_of(values)
+        self._start = problem.residuals.whole_poses(tree, problem.poses)
         keep = np.ones(len(problem.observations.row), dtype=bool)
         if whitening is not None:
             keep[:] = False
@@ -91,6 +92,8 @@ class TreeProblem:
             noise_known: Whether that is the noise, which few poses would not tell.
         """
         self._noise_known = noise_known
+        self.poses: NDArray | None = None
+        """Whole poses at the last solution, where the search for the next ones begins."""
         self.residuals = residuals
         self.observations: TreeObservations = residuals.observations
         names = residuals.parameters.names
@@ -129,7 +132,8 @@ class TreeProblem:
     def _linear(self, values: NDArray, outliers: NDArray) -> TreeLinear:
         """Return residuals and derivatives, poses of what no joint moves eliminated."""
         keep = ~outliers[self.observations.row]
-        linear = self.residuals.linear(values)
+        linear = self.residuals.linear(values, self.poses)
+        self.poses = linear.poses
         return PosesApart.of(self.observations, keep).eliminated(linear, self.scale)
 
     def rough(self, values: NDArray, rounds: int = _ROUGH_ROUNDS) -> tuple[NDArray, float]:
@@ -173,16 +177,20 @@ class TreeProblem:
             cost += ((values[self.residuals.parameters.index[name]] - mean) / sigma) ** 2
         return weight[self.observations.row], cost
 
-    def refine(self, values: NDArray, outliers: NDArray | None = None) -> TreeSolution:
+    def refine(
+        self, values: NDArray, outliers: NDArray | None = None, *, trim: bool = True
+    ) -> TreeSolution:
         """Solve near the minimum: variances, slips and outliers renewed, poses whitened.
 
         Args:
             values: Start, near the minimum. Shape (P,).
             outliers: Observations to leave out at first, by row of the table; those that stand
                 out at the start if omitted. Shape (N,).
+            trim: Look for outliers and slips; else all counts alike.
         """
         data = self.observations
         found = self._outlying(values) if outliers is None else outliers
+        found = found if trim else np.zeros_like(found)
         groups = self.observations.groups(found)
         slipped = np.zeros((groups.poses, len(data.noisy_joints)), dtype=bool)
         known, solution = False, None
@@ -200,7 +208,7 @@ class TreeProblem:
             values = self._with(values, solution)
             linear = self._linear(values, found)
             now_slipped, now_found = slipped, found
-            if known:
+            if known and trim:
                 now_slipped, now_found = self._tested(linear, groups, slipped, found)
             new = self.observations.groups(now_found)
             same = np.array_equal(now_found, found) and np.array_equal(now_slipped, slipped)
@@ -227,6 +235,8 @@ class TreeProblem:
         for i, (name, (mean, sigma)) in enumerate(self.priors.items()):
             prior[i, self.free_names.index(name)] = 1.0 / sigma
             rest[i] = (values[self.residuals.parameters.index[name]] - mean) / sigma
+        if self.observations.data.free_joints:
+            self.residuals = self.residuals.about(self.residuals.parameters, self.poses)
         by_visit = np.zeros((self.observations.visits, slipped.shape[1]), dtype=bool)
         real = groups.numbers < len(by_visit)
         by_visit[groups.numbers[real]] = slipped[real]
@@ -283,6 +293,20 @@ class TreeProblem:
         real = numbers < len(known)
         slipped[real] = known[numbers[real]]
         return self._whitened(solution.values, solution.outliers, slipped, beside)
+
+    def whitened_start(self) -> NDArray:
+        """Return whitened derivatives where the parameters begin, all that was seen counted."""
+        nothing = np.zeros(len(self.observations.data.observations), dtype=bool)
+        visits = self.observations.groups(nothing).poses
+        slipped = np.zeros((visits, len(self.observations.noisy_joints)), dtype=bool)
+        return self._whitened(self.residuals.parameters.start, nothing, slipped)[0]
+
+    def noise_at(self, solution: TreeSolution) -> TreeNoise:
+        """Return the noise that residuals ask for where another problem's adjustment ended."""
+        groups = self.observations.groups(solution.outliers)
+        slipped = np.zeros((groups.poses, len(self.observations.noisy_joints)), dtype=bool)
+        linear = self._linear(solution.values, solution.outliers)
+        return self._likeliest(linear, groups, slipped, solution.values)
 
     def _with(self, values: NDArray, solution: ProgramSolution) -> NDArray:
         out = values.copy()

@@ -10,7 +10,7 @@ from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeLinear
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
-from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
+from nico_selfmodel.estimation.tree.tree_parameters import BodyParameters
 from nico_selfmodel.estimation.tree.tree_problem import likeliest_noise
 from nico_selfmodel.estimation.tree.tree_setup import Priors
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
@@ -25,7 +25,7 @@ PLACES = (POINTS, POSES, CAMERA)
 class TreePosture:
     """A body's parameters: see `bendable.Posture`."""
 
-    parameters: TreeParameters
+    parameters: BodyParameters
     """What they are told from."""
     values: NDArray
     """All of them. Shape (P,)."""
@@ -43,7 +43,7 @@ class TreePosture:
     @property
     def bending(self) -> Bending | None:
         """What bends."""
-        return self.tree.bending
+        return self.parameters.bending_of(self.values)
 
     @property
     def gears(self) -> NDArray:

@@ -13,6 +13,7 @@ marker's way moves it by S (w x (p - o) + v), one on the camera's way what is se
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ from nico_selfmodel.estimation.tree.forward.sensor_models import (
     shown_poses,
 )
 from nico_selfmodel.estimation.tree.tree_observations import BEARING, SensorRows, TreeObservations
-from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
+from nico_selfmodel.estimation.tree.tree_parameters import BodyParameters
 from nico_selfmodel.geometry.reflection import reflect, reflection, reflection_slopes
 from nico_selfmodel.model.tree.body_tree import REVOLUTE, WHOLE_POSES, BodyTree
 from nico_selfmodel.model.tree.standing_mirror import StandingMirror
@@ -51,22 +52,44 @@ class TreeLinear:
     """Freedoms of each noise group that poses apart took, see `boards.poses_apart`. Shape (G,)."""
     took: NDArray | None = None
     """What they took of each scalar, as orthonormal columns: Q of A A^+ = Q Q'. Shape (R, 6)."""
+    poses: NDArray | None = None
+    """Whole poses there, see `TreeResiduals.whole_poses`. Shape (P, n, 4, 4)."""
 
 
 class TreeResiduals:
     """The forward model of a recording: parameters in, residuals and derivatives out."""
 
-    def __init__(self, observations: TreeObservations, parameters: TreeParameters) -> None:
+    def __init__(
+        self,
+        observations: TreeObservations,
+        parameters: BodyParameters,
+        poses: NDArray | None = None,
+    ) -> None:
         """Prepare.
 
         Args:
             observations: What was measured.
             parameters: Of the body.
+            poses: Where the search for poses that nobody reads begins; by single views if omitted.
+                Shape (P, n, 4, 4).
         """
+        self._poses = poses
         self.observations, self.parameters = observations, parameters
-        self._on = np.array([a.on for a in parameters.attached])
+        self._layout = parameters.layout
+        self._on = np.array([a.on for a in self._layout.attached])
         self._beyond = parameters.base.beyond
         self._sensor_names = [s.name for s in parameters.base.sensors]
+
+    def about(self, parameters: BodyParameters, poses: NDArray | None = None) -> Self:
+        """Return the same of other parameters of nearly the same body.
+
+        Args:
+            parameters: Of the body.
+            poses: Where the search for poses begins; where this one's does if omitted.
+        """
+        if poses is None and self.observations.data.free_joints:
+            poses = self._first_poses
+        return type(self)(self.observations, parameters, poses)
 
     def motion(self, tree: BodyTree, start: NDArray | None = None) -> TreeMotion:
         """Return where everything is at the samples; what moves freely where it fits best."""
@@ -95,6 +118,8 @@ class TreeResiduals:
     @cached_property
     def _first_poses(self) -> NDArray:
         """Where the search for poses that nobody reads begins. Shape (P, n, 4, 4)."""
+        if self._poses is not None:
+            return self._poses
         tree = self.parameters.base
         one, other = (self._settled(tree, X) for X in first_poses(tree, self.observations))
         return np.where((other[1] < one[1])[:, None, None, None], other[0], one[0])
@@ -134,13 +159,15 @@ class TreeResiduals:
             start: See `whole_poses`.
         """
         tree = self.parameters.tree_of(values)
-        motion = self.motion(tree, start)
-        slopes = self.parameters.turn_slopes(values)
+        poses = self.whole_poses(tree, start)
+        motion = self._moved(tree, poses)
+        slopes = self._layout.turn_slopes(self.parameters.layout_values(values))
         parts = [self._linear(tree, motion, slopes, rows) for rows in self.observations.sensors]
         return TreeLinear(
             np.concatenate([p.r for p in parts]),
-            np.concatenate([p.J for p in parts], axis=1),
+            self.parameters.by_name(values, np.concatenate([p.J for p in parts], axis=1)),
             np.concatenate([p.by_joint for p in parts]),
+            poses=poses,
         )
 
     def _frame(
@@ -157,7 +184,7 @@ class TreeResiduals:
         """Return which attached frames are seen, and which see. Shape (N,) each."""
         if rows.kind == DISTANCE:
             return rows.marker, rows.other
-        markers = len(self.parameters.base.markers)
+        markers = len(self._layout.base.markers)
         name = self.observations.data.sensors[rows.sensor].name
         return rows.marker, np.full(len(rows.rows), markers + self._sensor_names.index(name))
 
@@ -198,7 +225,7 @@ class TreeResiduals:
     ) -> TreeLinear:
         shown, R_SW, p_WM, p_WS = self.show(tree, motion, rows)
         N, k = shown.residual.shape
-        J = np.zeros((len(self.parameters.names), N, k))
+        J = np.zeros((len(self._layout.names), N, k))
         by_joint = np.zeros((N, k, len(self.observations.noisy_joints)))
         seen, seeing = self._items(rows)
         n = len(tree.joints)
@@ -211,7 +238,7 @@ class TreeResiduals:
             ways = [(push, beyond.astype(float)), (pushed, -behind.astype(float))]
         for one, signs in ways:
             self._by_joints(motion, slopes, one, signs, J, by_q, by_joint, across)
-        gears = self.parameters.gears.start
+        gears = self._layout.gears.start
         read = np.einsum("ij,ink->jnk", tree.coupling, by_q)
         angles = self.observations.data.si_readings[rows.pose] / tree.gear
         for m, (i, _) in enumerate(self.observations.noisy_joints):
@@ -220,12 +247,12 @@ class TreeResiduals:
                 # q = reading / gear
                 J[gears + i] = -read[i] * (angles[:, i] / tree.gear[i])[:, None]
         if motion.load is not None:
-            J[self.parameters.bends] = by_bends(motion, read, across, rows.pose)
+            J[self._layout.bends] = by_bends(motion, read, across, rows.pose)
         self._by_attached(J, motion, slopes, push, seen, None)
         self._by_attached(J, motion, slopes, pushed, seeing, p_WS)
         if shown.by_lens is not None:
             name = self.observations.data.sensors[rows.sensor].name
-            J[self.parameters.intrinsics(name)] = np.moveaxis(shown.by_lens, -1, 0)
+            J[self._layout.intrinsics(name)] = np.moveaxis(shown.by_lens, -1, 0)
         return TreeLinear(
             shown.residual.ravel(), J.reshape(len(J), -1), by_joint.reshape(N * k, -1)
         )
@@ -254,7 +281,7 @@ class TreeResiduals:
         """
         plane, p_WM, shift = mirror.plane, push.p_WM, push.shift
         by_values = reflection_slopes(plane, p_WM) @ mirror.slopes
-        J[self.parameters.mirror(mirror.name)] = np.moveaxis(shift @ by_values, -1, 0)
+        J[self._layout.mirror(mirror.name)] = np.moveaxis(shift @ by_values, -1, 0)
         turned = shift @ reflection(plane)[:3, :3]
         return replace(push, shift=turned), replace(push, p_WM=reflect(plane, p_WM))
 
@@ -290,7 +317,7 @@ class TreeResiduals:
             A = motion.R_WP[i][:, :, push.pose[moved]].transpose(2, 0, 1)
             columns = J[6 * i : 6 * i + 6]
             columns[:3, moved] += np.moveaxis(sign * (about @ (A @ slopes[i])), -1, 0)
-            base = A @ self.parameters.frames[i, :3, :3]
+            base = A @ self._layout.frames[i, :3, :3]
             columns[3:, moved] += np.moveaxis(sign * (along @ base), -1, 0)
             self._by_reading(i, motion, push, moved, sign, (about, along), by_q, by_joint)
             if motion.load is not None and motion.tree.motions[i] == REVOLUTE:
@@ -346,7 +373,7 @@ class TreeResiduals:
         """Add what markers (`origin` None) or what sees them move on their links."""
         sign = 1.0 if origin is None else -1.0
         for item in np.unique(items):
-            frame = self.parameters.frame_of[item]
+            frame = self._layout.frame_of[item]
             if frame < 0:
                 continue
             own = np.flatnonzero(items == item)
