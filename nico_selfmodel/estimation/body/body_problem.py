@@ -136,7 +136,9 @@ class BodyProblem:
         x = parameters.start
         for name, value in values.items():
             x[parameters.index[name]] = value
-        return TreeBend(problem, self._refined(problem, x, None if values else before.solution))
+        if values:
+            return TreeBend(problem, self._refined(problem, x, None))
+        return TreeBend(problem, problem.settle(replace(before.solution, values=x)))
 
     def as_if_joints_erred(self, found: TreeBend) -> TreeNoise:
         """Return the noise that a solution's residuals ask for, did joints have any."""

@@ -114,9 +114,15 @@ class TreeObservations:
 
     @cached_property
     def visit(self) -> NDArray:
-        """Visit of each scalar; each row of what no joint moves has its own, last. Shape (R,)."""
-        shared = self.sample_visit
-        return np.where(self.apart, shared.max() + 1 + self.row, shared)
+        """Visit of each scalar. Shape (R,).
+
+        What no joint moves is dealt out to visits of its own, last, no larger than others: its rows
+        have nothing to do with each other.
+        """
+        shared, apart = self.sample_visit, self.apart
+        most = max(int(np.bincount(shared[~apart], minlength=1).max()), 6)
+        dealt = shared.max() + 1 + np.cumsum(apart) // most
+        return np.where(apart, dealt, shared)
 
     @cached_property
     def sample_visit(self) -> NDArray:
@@ -142,7 +148,7 @@ class TreeObservations:
 
     def groups(self, outliers: NDArray) -> PoseGroups:
         """Return what belongs to one visit. Outliers by row of the table, boolean, shape (N,)."""
-        place = np.where(self.apart, self.pose.max() + 1 + self.row, self.pose)
+        place = np.where(self.apart, self.pose.max() + 1 + self.visit, self.pose)
         return PoseGroups(self.visit, ~outliers[self.row], 1, place)
 
     @cached_property

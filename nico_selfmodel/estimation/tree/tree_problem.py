@@ -62,7 +62,7 @@ class _Block:
         problem = self._problem
         values = self._values.copy()
         values[problem.columns] = x
-        linear = problem.residuals.linear(values, self._start)
+        linear = problem.linear_at(values, self._start)
         linear = replace(linear, J=linear.J[problem.columns])
         linear = self._apart.eliminated(linear, problem.scale)
         r = (linear.r / problem.scale)[None]
@@ -94,6 +94,7 @@ class TreeProblem:
         self._noise_known = noise_known
         self.poses: NDArray | None = None
         """Whole poses at the last solution, where the search for the next ones begins."""
+        self._last: tuple[bytes, TreeLinear] | None = None
         self.residuals = residuals
         self.observations: TreeObservations = residuals.observations
         names = residuals.parameters.names
@@ -129,10 +130,22 @@ class TreeProblem:
         by_joint = np.where(self.observations.unread, linear.by_joint, 0.0)
         return self._whitening(replace(linear, by_joint=by_joint), data.groups(nothing), None)
 
+    def linear_at(self, values: NDArray, poses: NDArray | None) -> TreeLinear:
+        """Return residuals and derivatives; those of the last place are kept.
+
+        Args:
+            values: Of all parameters. Shape (P,).
+            poses: Where the search for whole poses begins. Shape (P, n, 4, 4).
+        """
+        key = values.tobytes()
+        if self._last is None or self._last[0] != key:
+            self._last = key, self.residuals.linear(values, poses)
+        return self._last[1]
+
     def _linear(self, values: NDArray, outliers: NDArray) -> TreeLinear:
         """Return residuals and derivatives, poses of what no joint moves eliminated."""
         keep = ~outliers[self.observations.row]
-        linear = self.residuals.linear(values, self.poses)
+        linear = self.linear_at(values, self.poses)
         self.poses = linear.poses
         return PosesApart.of(self.observations, keep).eliminated(linear, self.scale)
 
@@ -216,16 +229,36 @@ class TreeProblem:
             groups = new
             if same and self.noise.is_like(before):
                 break
-        return self._finish(values, groups, slipped, found, known)
+        return self._finish(values, slipped, found, known)
+
+    def settle(self, before: TreeSolution) -> TreeSolution:
+        """Solve where an adjustment of less that was free ended, its noise and outliers kept.
+
+        Args:
+            before: Of the same observations; its values are of these parameters.
+        """
+        numbers = self.observations.groups(before.outliers).numbers
+        slipped = self._slipped_at(before, numbers)
+        known = before.variances_known
+        self.noise = before.noise
+        return self._finish(before.values, slipped, before.outliers, known)
+
+    def _slipped_at(self, solution: TreeSolution, numbers: NDArray) -> NDArray:
+        """Return what slipped in visits of some numbers. Shape (visits, m)."""
+        known = solution.slipped
+        slipped = np.zeros((len(numbers), known.shape[1]), dtype=bool)
+        real = numbers < len(known)
+        slipped[real] = known[numbers[real]]
+        return slipped
 
     def _finish(
         self,
         values: NDArray,
-        groups: PoseGroups,
         slipped: NDArray,
         outliers: NDArray,
         known: bool,
     ) -> TreeSolution:
+        groups = self.observations.groups(outliers)
         whitening = self._whitening(self._linear(values, outliers), groups, slipped)
         solution = self.program(values, whitening).solve(tolerance=1e-8)
         values = self._with(values, solution)
@@ -288,10 +321,7 @@ class TreeProblem:
             (k,).
         """
         numbers = self.observations.groups(solution.outliers).numbers
-        known = solution.slipped
-        slipped = np.zeros((len(numbers), known.shape[1]), dtype=bool)
-        real = numbers < len(known)
-        slipped[real] = known[numbers[real]]
+        slipped = self._slipped_at(solution, numbers)
         return self._whitened(solution.values, solution.outliers, slipped, beside)
 
     def whitened_start(self) -> NDArray:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 
-_ROUNDS = 30
+SETTLING_ROUNDS = 30
 _SETTLED = 1e-12
 """Part of a sample's sum of squares below which a step that promises no more is not taken."""
 _EXACT = 1e-14
@@ -25,7 +25,11 @@ derivatives by turns and shifts of the free ones, (R, 6 F)."""
 
 
 def settled_poses(
-    evaluate: Evaluate, flanges: NDArray, free: tuple[int, ...], sample: NDArray
+    evaluate: Evaluate,
+    flanges: NDArray,
+    free: tuple[int, ...],
+    sample: NDArray,
+    rounds: int = SETTLING_ROUNDS,
 ) -> tuple[NDArray, NDArray]:
     """Return poses with the free ones where they fit best.
 
@@ -34,6 +38,7 @@ def settled_poses(
         flanges: Where to begin. Shape (P, n, 4, 4).
         free: Which joints move freely, F of them.
         sample: Sample of each residual. Shape (R,).
+        rounds: Most steps.
 
     Returns:
         The poses, shape (P, n, 4, 4), and each sample's sum of squares, shape (P,).
@@ -44,7 +49,7 @@ def settled_poses(
     cost = np.bincount(sample, r * r, minlength=count)
     exact = _EXACT * np.bincount(sample, minlength=count)
     going = cost > exact
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         H, g = _by_sample(r, A, sample, count)
         going &= ~_flat(H, g, cost)
         if not going.any():

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS
 from nico_selfmodel.estimation.tree.boards.first_poses import first_poses
-from nico_selfmodel.estimation.tree.boards.settled_poses import settled_poses
+from nico_selfmodel.estimation.tree.boards.settled_poses import SETTLING_ROUNDS, settled_poses
 from nico_selfmodel.estimation.tree.forward.pushes import Push, by_bearing, by_bends
 from nico_selfmodel.estimation.tree.forward.sensor_models import (
     Shown,
@@ -33,9 +33,12 @@ from nico_selfmodel.estimation.tree.forward.sensor_models import (
 from nico_selfmodel.estimation.tree.tree_observations import BEARING, SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import BodyParameters
 from nico_selfmodel.geometry.reflection import reflect, reflection, reflection_slopes
-from nico_selfmodel.model.tree.body_tree import REVOLUTE, WHOLE_POSES, BodyTree
+from nico_selfmodel.model.tree.body_tree import FREE, REVOLUTE, WHOLE_POSES, BodyTree
 from nico_selfmodel.model.tree.standing_mirror import StandingMirror
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
+
+_TRIED = 6
+"""Steps after which one of two guesses of a pose is the better one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,14 +124,17 @@ class TreeResiduals:
         if self._poses is not None:
             return self._poses
         tree = self.parameters.base
-        one, other = (self._settled(tree, X) for X in first_poses(tree, self.observations))
+        guesses = first_poses(tree, self.observations)
+        one, other = (self._settled(tree, X, _TRIED) for X in guesses)
         return np.where((other[1] < one[1])[:, None, None, None], other[0], one[0])
 
     @cached_property
     def _boards(self) -> TreeObservations:
         return self.observations.on_free_joints()
 
-    def _settled(self, tree: BodyTree, flanges: NDArray) -> tuple[NDArray, NDArray]:
+    def _settled(
+        self, tree: BodyTree, flanges: NDArray, rounds: int = SETTLING_ROUNDS
+    ) -> tuple[NDArray, NDArray]:
         seen = self._boards
         free, sigma = seen.data.free_joints, seen.stated_sigma[seen.noise_group]
         columns = np.flatnonzero(seen.unread)
@@ -137,7 +143,7 @@ class TreeResiduals:
             r, by_joint = self._of_free(tree, self._moved(tree, poses))
             return r / sigma, by_joint[:, columns] / sigma[:, None]
 
-        return settled_poses(evaluate, flanges, free, seen.sample)
+        return settled_poses(evaluate, flanges, free, seen.sample, rounds)
 
     def _of_free(self, tree: BodyTree, motion: TreeMotion) -> tuple[NDArray, NDArray]:
         """Return residuals, and their derivatives by what moves freely alone. (R,), (R, m)."""
@@ -313,6 +319,9 @@ class TreeResiduals:
             if not len(moved):
                 continue
             sign = signs[moved, i][:, None, None]
+            if motion.tree.motions[i] == FREE:  # its own pose is all that it has
+                self._by_whole_pose(i, motion, push, moved, sign, by_joint)
+                continue
             about, along = push.of(moved, motion.p_WJ[i])
             A = motion.R_WP[i][:, :, push.pose[moved]].transpose(2, 0, 1)
             columns = J[6 * i : 6 * i + 6]
