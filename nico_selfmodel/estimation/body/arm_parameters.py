@@ -42,14 +42,22 @@ class ArmParameters:
     like: BodyTree
     """A tree of the same joints, markers and sensors, and of boards; its frames do not count."""
 
-    @cached_property
+    @property
     def names(self) -> tuple[str, ...]:
         """Of the arm, the cameras, and what bends."""
-        return (*self.arm.names[: self._split], *self.rig.names, *self.arm.names[self._split :])
+        return self._names
 
     @cached_property
+    def _names(self) -> tuple[str, ...]:
+        return (*self.arm.names[: self._split], *self.rig.names, *self.arm.names[self._split :])
+
+    @property
     def index(self) -> dict[str, int]:
         """Position of each name."""
+        return self._index
+
+    @cached_property
+    def _index(self) -> dict[str, int]:
         return {name: i for i, name in enumerate(self.names)}
 
     @property
@@ -73,15 +81,19 @@ class ArmParameters:
         rigid, bends = np.split(self.arm.values, [self._split])
         return np.concatenate([rigid, self.rig.values, bends])
 
-    @cached_property
+    @property
     def base(self) -> BodyTree:
         """The tree that these begin at."""
-        return self.tree_of(self.start)
+        return self.layout.base
 
-    @cached_property
+    @property
     def layout(self) -> TreeParameters:
         """Parameters of the tree, about where these begin."""
-        return TreeParameters(self.base)
+        return self._layout
+
+    @cached_property
+    def _layout(self) -> TreeParameters:
+        return TreeParameters(self.tree_of(self.start))
 
     def arm_of(self, values: NDArray) -> DhParameters:
         """Return the arm. Shape (P,)."""
@@ -152,7 +164,7 @@ def arm_tree(arm: DhParameters, rig: StereoRig, like: BodyTree) -> BodyTree:
         replace(marker, X_LA=transform(np.eye(3), place))
         for marker, place in zip(like.markers, p, strict=False)
     )
-    poses = dict(zip(SIDES, (np.eye(4), rig.X_LR), strict=True))
+    poses: dict[str, NDArray] = dict(zip(SIDES, (np.eye(4), rig.X_LR), strict=True))
     return replace(
         like,
         X_PJ=X,

@@ -196,7 +196,8 @@ def outlier_rows(seen: SeenBody, found: TreeBend) -> NDArray:
     solution, table = found.solution, seen.data.observations
     out = np.zeros(len(seen.pixels), dtype=bool)
     out[seen.row[solution.outliers & (seen.row >= 0)]] = True
-    slipped = solution.slipped.any(axis=1)[seen.data.visit[table.pose]] & (seen.row >= 0)
+    by_visit = np.asarray(solution.slipped.any(axis=1))
+    slipped = by_visit[seen.data.visit[table.pose]] & (seen.row >= 0)
     rows = np.unique(seen.row[slipped])
     if len(rows):
         arm, rig = arm_and_cameras(found)

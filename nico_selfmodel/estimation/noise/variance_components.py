@@ -141,7 +141,9 @@ class VarianceSearch:
             free = ((x > self.floor) | (score > 0.0)) & ~held
             step = np.zeros(len(x))
             inside = information[np.ix_(free, free)]
-            ridge = 1e-6 * np.trace(inside) * np.eye(len(inside))
+            # Exact data tell nothing of a variance but which way it goes.
+            least = max(1e-6 * np.trace(inside), np.finfo(float).tiny)
+            ridge = least * np.eye(len(inside))
             step[free] = np.linalg.solve(inside + ridge, score[free])
             moved = x + np.clip(step, -_LARGEST_STEP, _LARGEST_STEP)
             moved = np.where(held, x, np.maximum(moved, self.floor))

@@ -364,7 +364,7 @@ def _as_described(problem: TreeProblem, solution: TreeSolution, seen: BodyDatase
         solution: Where it ended.
         seen: The recording that is predicted.
     """
-    parameters = problem.residuals.parameters
+    parameters = problem.residuals.parameters.layout
     values = solution.values.copy()
     values[: 6 * len(parameters.base.joints)] = 0.0
     values[parameters.bends] = 0.0
@@ -376,7 +376,7 @@ def _as_described(problem: TreeProblem, solution: TreeSolution, seen: BodyDatase
 
 def _uncertainty(problem: TreeProblem, solution: TreeSolution) -> Uncertainty:
     """Return the covariance of what was free; a scale that nothing tells is named."""
-    parameters, values = problem.residuals.parameters, solution.values
+    parameters, values = problem.residuals.parameters.layout, solution.values
     data = problem.observations.data
     count, names = len(solution.whitened), problem.free_names
     squares = (

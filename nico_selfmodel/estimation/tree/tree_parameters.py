@@ -106,9 +106,13 @@ class TreeParameters:
     base: BodyTree
     """What the joints' turns and shifts are told from."""
 
-    @cached_property
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of all parameters."""
+        return self._names
+
+    @cached_property
+    def _names(self) -> tuple[str, ...]:
         base = self.base
         frames = [*base.joints, *(self.attached[i].name for i in self.placed)]
         out = [f"{name}.{part}" for name in frames for part in FRAME_PARTS]
@@ -159,9 +163,13 @@ class TreeParameters:
             *(() if base.bending is None else base.bending.units),
         )
 
-    @cached_property
+    @property
     def index(self) -> dict[str, int]:
         """Position of each name."""
+        return self._index
+
+    @cached_property
+    def _index(self) -> dict[str, int]:
         return {name: i for i, name in enumerate(self.names)}
 
     @cached_property

@@ -206,7 +206,7 @@ class TreeProblem:
         found = found if trim else np.zeros_like(found)
         groups = self.observations.groups(found)
         slipped = np.zeros((groups.poses, len(data.noisy_joints)), dtype=bool)
-        known, solution = False, None
+        known, steps = False, 0
         for _ in range(_ROUNDS):
             linear = self._linear(values, found)
             equations = int((~found[data.row]).sum()) + len(self.priors)
@@ -218,7 +218,7 @@ class TreeProblem:
             solution = self.program(values, whitening).solve(
                 max_iterations=_STEPS_BETWEEN, tolerance=1e-7
             )
-            values = self._with(values, solution)
+            values, steps = self._with(values, solution), steps + solution.iterations
             linear = self._linear(values, found)
             now_slipped, now_found = slipped, found
             if known and trim:
@@ -229,7 +229,7 @@ class TreeProblem:
             groups = new
             if same and self.noise.is_like(before):
                 break
-        return self._finish(values, slipped, found, known)
+        return self._finish(values, slipped, found, known, steps)
 
     def settle(self, before: TreeSolution) -> TreeSolution:
         """Solve where an adjustment of less that was free ended, its noise and outliers kept.
@@ -257,6 +257,7 @@ class TreeProblem:
         slipped: NDArray,
         outliers: NDArray,
         known: bool,
+        steps: int = 0,
     ) -> TreeSolution:
         groups = self.observations.groups(outliers)
         whitening = self._whitening(self._linear(values, outliers), groups, slipped)
@@ -280,7 +281,7 @@ class TreeProblem:
             by_visit,
             solution.cost,
             solution.converged,
-            solution.iterations,
+            steps + solution.iterations,
             known,
             np.vstack([rows, prior]),
             np.append(white, rest),
