@@ -142,6 +142,7 @@ Up = Annotated[
     str | None,
     typer.Option("--up", help="The vertical in the data's frame, such as 0,0,1; for sag."),
 ]
+BodyLoss = Annotated[str, typer.Option("--loss", help="trimmed or none: leave out outliers.")]
 Loss = Annotated[str, typer.Option("--loss", help="trimmed, none, huber, cauchy or tukey.")]
 SplitSeed = Annotated[
     int, typer.Option("--seed", min=0, help="Of what is held out, and of random starts.")
