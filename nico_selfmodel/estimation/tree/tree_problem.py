@@ -63,10 +63,10 @@ class _Block:
         values = self._values.copy()
         values[problem.columns] = x
         linear = problem.linear_at(values, self._start)
+        scale = problem.scale
         linear = replace(linear, J=linear.J[problem.columns])
-        linear = self._apart.eliminated(linear, problem.scale)
-        r = (linear.r / problem.scale)[None]
-        J = (linear.J / problem.scale)[:, None]
+        linear = self._apart.eliminated(linear, scale)
+        r, J = (linear.r / scale)[None], (linear.J / scale)[:, None]
         return (r, J) if self._whitening is None else self._whitening.whiten(r, J)
 
 

@@ -1,6 +1,7 @@
 """What turns and shifts of a body's parts do to what sensors show of its markers."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,11 @@ class Push:
     """Markers. Shape (N, 3)."""
     pose: NDArray
     """Samples. Shape (N,)."""
+
+    @cached_property
+    def shift_first(self) -> NDArray:
+        """`shift` with its components first and the rows last. Shape (3, k, N)."""
+        return np.ascontiguousarray(self.shift.transpose(2, 1, 0))
 
     @classmethod
     def of_shown(cls, shown: Shown, R_SW: NDArray, p_WM: NDArray, pose: NDArray) -> "Push":

@@ -13,6 +13,7 @@ marker's way moves it by S (w x (p - o) + v), one on the camera's way what is se
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import groupby
 from typing import Self
 
 import numpy as np
@@ -33,7 +34,8 @@ from nico_selfmodel.estimation.tree.forward.sensor_models import (
 from nico_selfmodel.estimation.tree.tree_observations import BEARING, SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import BodyParameters
 from nico_selfmodel.geometry.reflection import reflect, reflection, reflection_slopes
-from nico_selfmodel.model.tree.body_tree import FREE, REVOLUTE, WHOLE_POSES, BodyTree
+from nico_selfmodel.model.arm.line_kinematics import cross
+from nico_selfmodel.model.tree.body_tree import FREE, PRISMATIC, REVOLUTE, WHOLE_POSES, BodyTree
 from nico_selfmodel.model.tree.standing_mirror import StandingMirror
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
@@ -168,7 +170,7 @@ class TreeResiduals:
         poses = self.whole_poses(tree, start)
         motion = self._moved(tree, poses)
         slopes = self._layout.turn_slopes(self.parameters.layout_values(values))
-        parts = [self._linear(tree, motion, slopes, rows) for rows in self.observations.sensors]
+        parts = [self._linear(tree, motion, slopes, run) for run in self._runs]
         return TreeLinear(
             np.concatenate([p.r for p in parts]),
             self.parameters.by_name(values, np.concatenate([p.J for p in parts], axis=1)),
@@ -180,11 +182,16 @@ class TreeResiduals:
         self, motion: TreeMotion, frames: NDArray, item: NDArray, pose: NDArray
     ) -> tuple[NDArray, NDArray]:
         """Return orientations (N, 3, 3) and positions (N, 3) of markers or sensors in W."""
-        on = self._on[item]
-        R = motion.R_WL[on, :, :, pose]
-        X = frames[item]
-        p = motion.p_WL[on, :, pose] + (R @ X[:, :3, 3, None])[:, :, 0]
-        return R @ X[:, :3, :3], p
+        one, X = int(item[0]), frames[item]
+        if (item == one).all():
+            X, on = frames[one], self._on[one]
+            R = np.ascontiguousarray(_at(motion.R_WL[on], pose).transpose(2, 0, 1))
+            p = _at(motion.p_WL[on], pose).T + R @ X[:3, 3]
+        else:
+            on = self._on[item]
+            R = motion.R_WL[on, :, :, pose]
+            p = motion.p_WL[on, :, pose] + (R @ X[:, :3, 3, None])[:, :, 0]
+        return R @ X[..., :3, :3], p
 
     def _items(self, rows: SensorRows) -> tuple[NDArray, NDArray]:
         """Return which attached frames are seen, and which see. Shape (N,) each."""
@@ -226,39 +233,53 @@ class TreeResiduals:
             shown = shown_poses(p_SM, R_SW @ R_WM, rows.measured)
         return shown, R_SW, p_WM, p_WS
 
+    @cached_property
+    def _runs(self) -> tuple[tuple[SensorRows, ...], ...]:
+        """Sensors that follow each other and are alike: they are linearised at once."""
+        alike = groupby(self.observations.sensors, lambda rows: (rows.kind, rows.mirror))
+        return tuple(tuple(run) for _, run in alike)
+
     def _linear(
-        self, tree: BodyTree, motion: TreeMotion, slopes: NDArray, rows: SensorRows
+        self, tree: BodyTree, motion: TreeMotion, slopes: NDArray, run: tuple[SensorRows, ...]
     ) -> TreeLinear:
-        shown, R_SW, p_WM, p_WS = self.show(tree, motion, rows)
+        all_shown = [self.show(tree, motion, rows) for rows in run]
+        shown = Shown.together([one[0] for one in all_shown])
+        R_SW, p_WM, p_WS = (np.concatenate([one[i] for one in all_shown]) for i in (1, 2, 3))
+        items = [self._items(rows) for rows in run]
+        seen, seeing = (np.concatenate([one[i] for one in items]) for i in (0, 1))
+        pose, mirror = np.concatenate([rows.pose for rows in run]), run[0].mirror
         N, k = shown.residual.shape
         J = np.zeros((len(self._layout.names), N, k))
         by_joint = np.zeros((N, k, len(self.observations.noisy_joints)))
-        seen, seeing = self._items(rows)
         n = len(tree.joints)
         by_q, across = np.zeros((n, N, k)), np.zeros((4, n, N, k))
         beyond, behind = self._beyond[self._on[seen]], self._beyond[self._on[seeing]]
-        push = pushed = Push.of_shown(shown, R_SW, p_WM, rows.pose)
+        push = pushed = Push.of_shown(shown, R_SW, p_WM, pose)
         ways = [(push, beyond.astype(float) - behind)]
-        if rows.mirror:
-            push, pushed = self._in_mirror(J, tree.mirror(rows.mirror), push)
+        if mirror:
+            push, pushed = self._in_mirror(J, tree.mirror(mirror), push)
             ways = [(push, beyond.astype(float)), (pushed, -behind.astype(float))]
         for one, signs in ways:
             self._by_joints(motion, slopes, one, signs, J, by_q, by_joint, across)
         gears = self._layout.gears.start
-        read = np.einsum("ij,ink->jnk", tree.coupling, by_q)
-        angles = self.observations.data.si_readings[rows.pose] / tree.gear
+        read = np.tensordot(tree.coupling.T, by_q, 1)
+        angles = self.observations.data.si_readings[pose] / tree.gear
         for m, (i, _) in enumerate(self.observations.noisy_joints):
             if tree.motions[i] not in WHOLE_POSES:
                 by_joint[:, :, m] = read[i]
                 # q = reading / gear
                 J[gears + i] = -read[i] * (angles[:, i] / tree.gear[i])[:, None]
         if motion.load is not None:
-            J[self._layout.bends] = by_bends(motion, read, across, rows.pose)
+            J[self._layout.bends] = by_bends(motion, read, across, pose)
         self._by_attached(J, motion, slopes, push, seen, None)
         self._by_attached(J, motion, slopes, pushed, seeing, p_WS)
-        if shown.by_lens is not None:
-            name = self.observations.data.sensors[rows.sensor].name
-            J[self._layout.intrinsics(name)] = np.moveaxis(shown.by_lens, -1, 0)
+        first = 0
+        for rows, (one, *_) in zip(run, all_shown, strict=True):
+            own = slice(first, first + len(rows.rows))
+            first = own.stop
+            if one.by_lens is not None:
+                name = self.observations.data.sensors[rows.sensor].name
+                J[self._layout.intrinsics(name), own] = np.moveaxis(one.by_lens, -1, 0)
         return TreeLinear(
             shown.residual.ravel(), J.reshape(len(J), -1), by_joint.reshape(N * k, -1)
         )
@@ -314,43 +335,53 @@ class TreeResiduals:
             by_joint: By parts of flanges' poses. Shape (N, k, m).
             across: By turns and shifts of bearings. Shape (4, n, N, k).
         """
-        for i in range(len(motion.tree.joints)):
+        motions, moves = motion.tree.motions, signs.any(axis=0)
+        # What moves freely has its own pose, and nothing else.
+        self._by_frames(motion, slopes, push, signs, J, by_q, moves & (np.array(motions) != FREE))
+        bends = motion.load is not None
+        for i in np.flatnonzero(moves).tolist():
+            if motions[i] not in WHOLE_POSES and not (bends and motions[i] == REVOLUTE):
+                continue
             moved = np.flatnonzero(signs[:, i])
-            if not len(moved):
-                continue
             sign = signs[moved, i][:, None, None]
-            if motion.tree.motions[i] == FREE:  # its own pose is all that it has
+            if motions[i] in WHOLE_POSES:
                 self._by_whole_pose(i, motion, push, moved, sign, by_joint)
-                continue
-            about, along = push.of(moved, motion.p_WJ[i])
-            A = motion.R_WP[i][:, :, push.pose[moved]].transpose(2, 0, 1)
-            columns = J[6 * i : 6 * i + 6]
-            columns[:3, moved] += np.moveaxis(sign * (about @ (A @ slopes[i])), -1, 0)
-            base = A @ self._layout.frames[i, :3, :3]
-            columns[3:, moved] += np.moveaxis(sign * (along @ base), -1, 0)
-            self._by_reading(i, motion, push, moved, sign, (about, along), by_q, by_joint)
-            if motion.load is not None and motion.tree.motions[i] == REVOLUTE:
+            else:
                 across[:, i, moved] += sign[:, :, 0] * by_bearing(i, motion, push, moved)
 
-    def _by_reading(
+    def _by_frames(
         self,
-        i: int,
         motion: TreeMotion,
+        slopes: NDArray,
         push: Push,
-        moved: NDArray,
-        sign: NDArray,
-        ways: tuple[NDArray, NDArray],
+        signs: NDArray,
+        J: NDArray,
         by_q: NDArray,
-        by_joint: NDArray,
+        which: NDArray,
     ) -> None:
-        """Add what a joint's own motion moves: its axis, or each part of a whole pose."""
-        pose = push.pose[moved]
-        if motion.tree.motions[i] not in WHOLE_POSES:
-            z = motion.R_WJ[i][:, 2, pose].T
-            way = ways[0] if motion.tree.motions[i] == REVOLUTE else ways[1]
-            by_q[i, moved] += (sign * (way @ z[:, :, None]))[:, :, 0]
-            return
-        self._by_whole_pose(i, motion, push, moved, sign, by_joint)
+        """Add what turns and shifts of joint frames move, and displacements: all joints at once.
+
+        Arrays have the components of vectors first and the rows last, (3, joints, k, N).
+        """
+        joints = _consecutive(np.flatnonzero(which))
+        sign = signs.T[joints][:, None]
+        along = push.shift_first[:, None] * sign
+        lever = push.p_WM.T[:, None] - _at(motion.p_WJ[joints].swapaxes(0, 1), push.pose)
+        about = cross(lever[:, :, None], along)
+        if push.turn is not None:
+            about = about + push.turn.transpose(2, 1, 0)[:, None] * sign
+        R = _at(motion.R_WP[joints].transpose(2, 1, 0, 3), push.pose)
+        columns = J[: 6 * len(which)].reshape(len(which), 6, *J.shape[1:])
+        frames = self._layout.frames[joints, :3, :3]
+        for part, by, base in ((slice(0, 3), about, slopes[joints]), (slice(3, 6), along, frames)):
+            axes = _along(R[:, :, None], base.transpose(1, 2, 0)[:, None, :, :, None])
+            columns[joints, part] += _along(by[:, None], axes[:, :, :, None]).transpose(1, 0, 3, 2)
+        z = _at(motion.R_WJ[joints, :, 2].swapaxes(0, 1), push.pose)[:, :, None]
+        motions = np.array(motion.tree.motions)[joints]
+        for kind, by in ((REVOLUTE, about), (PRISMATIC, along)):
+            if (own := motions == kind).any():
+                moved = _along(by, z) * own[:, None, None]
+                by_q[joints] += moved.swapaxes(1, 2)
 
     def _by_whole_pose(
         self,
@@ -385,10 +416,33 @@ class TreeResiduals:
             frame = self._layout.frame_of[item]
             if frame < 0:
                 continue
-            own = np.flatnonzero(items == item)
-            R = motion.R_WL[self._on[item]][:, :, push.pose[own]].transpose(2, 0, 1)
+            own = _consecutive(np.flatnonzero(items == item))
+            R = _at(motion.R_WL[self._on[item]], push.pose[own])
             columns = J[6 * frame : 6 * frame + 6]
-            columns[3:, own] += np.moveaxis(sign * (push.shift[own] @ R), -1, 0)
-            about = push.turn_of(own, None if origin is None else origin[own])
+            shift = sign * push.shift_first[:, :, own]
+            columns[3:, own] += _along(shift[:, None], R[:, :, None]).swapaxes(1, 2)
+            about = None if push.turn is None else sign * push.turn[own].transpose(2, 1, 0)
+            if origin is not None:
+                across = cross((push.p_WM[own] - origin[own]).T[:, None], shift)
+                about = across if about is None else across + about
             if about is not None:
-                columns[:3, own] += np.moveaxis(sign * (about @ (R @ slopes[frame])), -1, 0)
+                axes = _along(R.swapaxes(0, 1)[:, :, None], slopes[frame][:, None, :, None])
+                columns[:3, own] += _along(about[:, None], axes[:, :, None]).swapaxes(1, 2)
+
+
+def _consecutive(index: NDArray) -> NDArray | slice:
+    """Return indices that follow each other as a slice, which copies nothing. Shape (N,)."""
+    if len(index) and index[-1] - index[0] == len(index) - 1 and (np.diff(index) == 1).all():
+        return slice(int(index[0]), int(index[-1]) + 1)
+    return index
+
+
+def _at(values: NDArray, pose: NDArray) -> NDArray:
+    """Return values of samples by row, the last axis of both. Shape (..., P) -> (..., N)."""
+    rows = _consecutive(pose)
+    return values[..., rows] if isinstance(rows, slice) else np.take(values, rows, axis=-1)
+
+
+def _along(vectors: NDArray, axes: NDArray) -> NDArray:
+    """Return the sum over the first axis of products of two arrays, their components along it."""
+    return np.asarray(vectors[0] * axes[0] + vectors[1] * axes[1] + vectors[2] * axes[2])
