@@ -5,7 +5,8 @@ shifts, whose minimum is found in a few steps wherever axes are. Rows have names
 and whose covariance is told: the last problem is laid in these about the minimum of the first.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -138,7 +139,8 @@ class BodyProblem:
             x[parameters.index[name]] = value
         if values:
             return TreeBend(problem, self._refined(problem, x, None))
-        return TreeBend(problem, problem.settle(replace(before.solution, values=x)))
+        with _plausible_cameras():
+            return TreeBend(problem, problem.solve_from(replace(before.solution, values=x)))
 
     def as_if_joints_erred(self, found: TreeBend) -> TreeNoise:
         """Return the noise that a solution's residuals ask for, did joints have any."""
@@ -151,17 +153,28 @@ class BodyProblem:
     def _refined(
         self, problem: TreeProblem, values: NDArray, before: TreeSolution | None
     ) -> TreeSolution:
-        try:
+        with _plausible_cameras():
             if before is None:
                 return problem.refine(problem.rough(values)[0], trim=self.trim)
             more = len(self.seen.data.observations) - len(before.outliers)
             outliers = np.append(before.outliers, np.zeros(more, dtype=bool))
             return problem.refine(values, outliers, trim=self.trim)
-        except ValueError as error:
-            raise NotConvergedError(f"no plausible cameras fit the hand: {error}") from error
 
     def _blank(self, rig: StereoRig) -> BodyTree:
         return blank_body(self.seen.data, dict(zip(SIDES, rig.cameras, strict=True)))
+
+
+@contextmanager
+def _plausible_cameras() -> Iterator[None]:
+    """Refuse cameras that have become what cannot be.
+
+    Raises:
+        NotConvergedError: If they have.
+    """
+    try:
+        yield
+    except ValueError as error:
+        raise NotConvergedError(f"no plausible cameras fit the hand: {error}") from error
 
 
 def arm_and_cameras(found: TreeBend) -> tuple[DhParameters, StereoRig]:

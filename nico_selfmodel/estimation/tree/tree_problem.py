@@ -27,9 +27,11 @@ from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeLinear, Tr
 from nico_selfmodel.estimation.tree.pose_tests import far_observations, slipped_joints
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
+from nico_selfmodel.least_squares import NormalEquations
 from nico_selfmodel.model.tree.body_tree import WHOLE_POSES
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
 from nico_selfmodel.optimization.losses import Loss, robust_scale
+from nico_selfmodel.optimization.residual_block import SummedBlock
 
 _ROUNDS = 6
 """Of variances, outliers and solution."""
@@ -43,7 +45,7 @@ LEAST_REDUNDANCY = 15
 """Equations more than parameters below which kinds of noise cannot be told apart."""
 
 
-class _Block:
+class _Block(SummedBlock):
     """Residuals by the free parameters alone, whitened or weighed by sensor."""
 
     def __init__(self, problem: "TreeProblem", values: NDArray, whitening: PoseWhitening | None):
@@ -59,15 +61,30 @@ class _Block:
 
     def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
         """Return residuals, shape (1, R), and derivatives, shape (p, 1, R)."""
+        both = self._scaled(x)
+        r, J = both[:1], both[1:, None]
+        return (r, J) if self._whitening is None else self._whitening.whiten(r, J)
+
+    def normal_equations(self, x: NDArray) -> NormalEquations:
+        """Return cost, gradient and Gauss-Newton matrix from one product of all columns."""
+        rows = self._scaled(x).T
+        if self._whitening is not None:
+            groups = self._whitening.groups
+            white = self._whitening.root(groups.gather(rows[:, None]))
+            weighed = np.sqrt(groups.weight)[:, None, None] * white
+            rows = weighed.reshape(-1, rows.shape[1])
+        sums = rows.T @ rows
+        return 0.5 * float(sums[0, 0]), sums[1:, 0], sums[1:, 1:]
+
+    def _scaled(self, x: NDArray) -> NDArray:
+        """Return residuals, then derivatives, in their sensors' sigmas. Shape (1 + p, R)."""
         problem = self._problem
         values = self._values.copy()
         values[problem.columns] = x
         linear = problem.linear_at(values, self._start)
-        scale = problem.scale
         linear = replace(linear, J=linear.J[problem.columns])
-        linear = self._apart.eliminated(linear, scale)
-        r, J = (linear.r / scale)[None], (linear.J / scale)[:, None]
-        return (r, J) if self._whitening is None else self._whitening.whiten(r, J)
+        linear = self._apart.eliminated(linear, problem.scale)
+        return np.concatenate([linear.r[None], linear.J]) / problem.scale
 
 
 class TreeProblem:
@@ -231,7 +248,7 @@ class TreeProblem:
                 break
         return self._finish(values, slipped, found, known, steps)
 
-    def settle(self, before: TreeSolution) -> TreeSolution:
+    def solve_from(self, before: TreeSolution) -> TreeSolution:
         """Solve where an adjustment of less that was free ended, its noise and outliers kept.
 
         Args:

@@ -214,7 +214,7 @@ class TreeResiduals:
         Returns:
             The last three of shapes (N, 3, 3), (N, 3) and (N, 3).
         """
-        frames = np.stack([a.X_LA for a in (*tree.markers, *tree.sensors)])
+        frames = tree.X_attached
         seen, seeing = self._items(rows)
         R_WM, p_WM = self._frame(motion, frames, seen, rows.pose)
         R_WS, p_WS = self._frame(motion, frames, seeing, rows.pose)
@@ -244,9 +244,10 @@ class TreeResiduals:
     ) -> TreeLinear:
         all_shown = [self.show(tree, motion, rows) for rows in run]
         shown = Shown.together([one[0] for one in all_shown])
-        R_SW, p_WM, p_WS = (np.concatenate([one[i] for one in all_shown]) for i in (1, 2, 3))
-        items = [self._items(rows) for rows in run]
-        seen, seeing = (np.concatenate([one[i] for one in items]) for i in (0, 1))
+        _, *places = zip(*all_shown, strict=True)
+        R_SW, p_WM, p_WS = map(np.concatenate, places)
+        items = zip(*(self._items(rows) for rows in run), strict=True)
+        seen, seeing = map(np.concatenate, items)
         pose, mirror = np.concatenate([rows.pose for rows in run]), run[0].mirror
         N, k = shown.residual.shape
         J = np.zeros((len(self._layout.names), N, k))
