@@ -9,9 +9,10 @@ from nico_selfmodel.estimation.body.seen_body import SeenBody
 from nico_selfmodel.estimation.observations.observations import gears_known
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.tree_block import TreeBlock
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, TreeParameters
-from nico_selfmodel.estimation.tree.tree_problem import TreeProblem, _Block
+from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_setup import blank_body
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
@@ -57,7 +58,7 @@ def test_200_poses_and_42_parameters_beat_scipy_on_the_same_jacobian(problem, be
     nothing = np.zeros(len(tree.observations.data.observations), dtype=bool)
     groups = tree.observations.groups(nothing)
     whitening = tree._whitening(tree._linear(values, nothing), groups, None)
-    program, block = tree.program(values, whitening), _Block(tree, values, whitening)
+    program, block = tree.program(values, whitening), TreeBlock(tree, values, whitening)
     start = program.start
 
     def residuals(y):

@@ -21,7 +21,8 @@ from nico_selfmodel.estimation.observations.arm_views import DhArm
 from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
 from nico_selfmodel.estimation.observations.observations import gears_known
 from nico_selfmodel.estimation.tree.bending_tree import TreeBend
-from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeLinear, TreeResiduals
+from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, BodyParameters, TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem

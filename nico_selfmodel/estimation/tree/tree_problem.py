@@ -17,21 +17,16 @@ from nico_selfmodel.estimation.noise.pose_noise import (
     PoseNoise,
     PoseWhitening,
 )
-from nico_selfmodel.estimation.noise.variance_components import (
-    LEAST_OF_ALL,
-    LinearResiduals,
-    VarianceSearch,
-)
 from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
-from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeLinear, TreeResiduals
+from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.pose_tests import far_observations, slipped_joints
+from nico_selfmodel.estimation.tree.tree_block import TreeBlock
+from nico_selfmodel.estimation.tree.tree_noise import likeliest_noise
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
-from nico_selfmodel.least_squares import NormalEquations
-from nico_selfmodel.model.tree.body_tree import WHOLE_POSES
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
 from nico_selfmodel.optimization.losses import Loss, robust_scale
-from nico_selfmodel.optimization.residual_block import SummedBlock
 
 _ROUNDS = 6
 """Of variances, outliers and solution."""
@@ -39,52 +34,8 @@ _STEPS_BETWEEN = 8
 _ROUGH_ROUNDS, _ROUGH_STEPS = 10, 6
 _FIRST_JOINT = np.radians(0.1)
 """Where the search for the joints' standard deviation begins [rad]."""
-_LEAST_SHARE = 0.02
-"""Part of the residuals below which a standard deviation counts as none."""
 LEAST_REDUNDANCY = 15
 """Equations more than parameters below which kinds of noise cannot be told apart."""
-
-
-class _Block(SummedBlock):
-    """Residuals by the free parameters alone, whitened or weighed by sensor."""
-
-    def __init__(self, problem: "TreeProblem", values: NDArray, whitening: PoseWhitening | None):
-        self._problem, self._values, self._whitening = problem, values, whitening
-        self.names = problem.free_names
-        tree = problem.residuals.parameters.tree_of(values)
-        self._start = problem.residuals.whole_poses(tree, problem.poses)
-        keep = np.ones(len(problem.observations.row), dtype=bool)
-        if whitening is not None:
-            keep[:] = False
-            keep[whitening.groups.rows] = True
-        self._apart = PosesApart.of(problem.observations, keep)
-
-    def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
-        """Return residuals, shape (1, R), and derivatives, shape (p, 1, R)."""
-        both = self._scaled(x)
-        r, J = both[:1], both[1:, None]
-        return (r, J) if self._whitening is None else self._whitening.whiten(r, J)
-
-    def normal_equations(self, x: NDArray) -> NormalEquations:
-        """Return cost, gradient and Gauss-Newton matrix from one product of all columns."""
-        rows = self._scaled(x).T
-        if self._whitening is not None:
-            groups = self._whitening.groups
-            white = self._whitening.root(groups.gather(rows[:, None]))
-            weighed = np.sqrt(groups.weight)[:, None, None] * white
-            rows = weighed.reshape(-1, rows.shape[1])
-        sums = rows.T @ rows
-        return 0.5 * float(sums[0, 0]), sums[1:, 0], sums[1:, 1:]
-
-    def _scaled(self, x: NDArray) -> NDArray:
-        """Return residuals, then derivatives, in their sensors' sigmas. Shape (1 + p, R)."""
-        problem = self._problem
-        values = self._values.copy()
-        values[problem.columns] = x
-        linear = problem.linear_at(values, self._start)
-        linear = replace(linear, J=linear.J[problem.columns])
-        linear = self._apart.eliminated(linear, problem.scale)
-        return np.concatenate([linear.r[None], linear.J]) / problem.scale
 
 
 class TreeProblem:
@@ -131,7 +82,7 @@ class TreeProblem:
         """Return the program about some values, with its priors. Shape (P,)."""
         program = CalibrationProgram()
         program.add_variables(self.free_names, values[self.columns])
-        program.add_residuals(_Block(self, values, whitening))
+        program.add_residuals(TreeBlock(self, values, whitening))
         for name, (mean, sigma) in self.priors.items():
             program.add_prior(name, mean, sigma)
         return program
@@ -415,67 +366,6 @@ class TreeProblem:
         seen = self.observations
         far = far_observations(seen, whitening, r, J, by_joint, prior, outliers, linear.took)
         return found, far
-
-
-def likeliest_noise(
-    data: TreeObservations,
-    linear: TreeLinear,
-    groups: PoseGroups,
-    slipped: NDArray | None,
-    start: TreeNoise,
-    information: NDArray,
-) -> TreeNoise:
-    """Return the noise that residuals ask for, with what fitting took from them.
-
-    Args:
-        data: What was measured.
-        linear: Residuals about what is known beforehand, and their derivatives by what is
-            estimated.
-        groups: What belongs to one pose.
-        slipped: Joints that were read wrongly in a pose, if any. Boolean, (poses, m).
-        start: Where the search begins.
-        information: Inverse variances of what is known beforehand. Shape (P,).
-    """
-    residuals = LinearResiduals(
-        groups,
-        groups.gather(linear.r[:, None, None]),
-        groups.gather(linear.J.T[:, None]),
-        linear.by_joint[:, None],
-        data.noise_group[:, None],
-        slipped,
-        information,
-        linear.taken,
-    )
-    group, counts = _joint_groups(data)
-    kept = groups.rows
-    left = _rms_by_group(residuals.left(start.sensor, start.joint)[:, 0], data, kept)
-    rms = np.maximum(left, LEAST_OF_ALL / _LEAST_SHARE * _rms_by_group(linear.r, data, kept))
-    by_joint = linear.by_joint[kept][:, ~data.unread] / rms[data.noise_group[kept], None]
-    lever = float(np.sqrt(np.mean(by_joint**2))) if by_joint.size else 1.0
-    floor = np.append(_LEAST_SHARE * rms, np.full(counts, _LEAST_SHARE / max(lever, 1e-12)))
-    known = np.zeros(len(group))
-    search = VarianceSearch(residuals, known, group, np.maximum(floor, 1e-12), data.sigma_held)
-    found = search.run(start.sensor, start.joint)
-    return TreeNoise(found.sensor, found.joint)
-
-
-def _rms_by_group(r: NDArray, data: TreeObservations, kept: NDArray) -> NDArray:
-    """Return the root mean square of the scalars that count of each noise group. Shape (G,)."""
-    group = data.noise_group[kept]
-    squares = np.bincount(group, r[kept] ** 2, minlength=len(data.noise_groups))
-    return np.sqrt(squares / np.bincount(group, minlength=len(squares)))
-
-
-def _joint_groups(observations: TreeObservations) -> tuple[NDArray, int]:
-    """Return which noisy parts share a sigma: joints alike, a flange's turns and shifts."""
-    names = []
-    for i, part in observations.noisy_joints:
-        joint = observations.data.joints[i]
-        own = f"{joint.name} {part // 3}" if joint.motion in WHOLE_POSES else joint.motion
-        names.append(own)
-    _, first, group = np.unique(names, return_index=True, return_inverse=True)
-    order = np.argsort(np.argsort(first))
-    return order[group], len(first)
 
 
 def _regrouped(slipped: NDArray, old: PoseGroups, new: PoseGroups) -> NDArray:

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
-from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeLinear
+from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
+from nico_selfmodel.estimation.tree.tree_noise import likeliest_noise
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import BodyParameters
-from nico_selfmodel.estimation.tree.tree_problem import likeliest_noise
 from nico_selfmodel.estimation.tree.tree_setup import Priors
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
 from nico_selfmodel.model.arm.bending import Bending

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeLinear
+from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 
 

@@ -11,7 +11,7 @@ marker's way moves it by S (w x (p - o) + v), one on the camera's way what is se
 -(w x (p' - o) + v). They no longer cancel.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import groupby
 from typing import Self
@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS
 from nico_selfmodel.estimation.tree.boards.first_poses import first_poses
 from nico_selfmodel.estimation.tree.boards.settled_poses import SETTLING_ROUNDS, settled_poses
-from nico_selfmodel.estimation.tree.forward.pushes import Push, by_bearing, by_bends
+from nico_selfmodel.estimation.tree.forward.pushes import Push, by_bearing, by_bends, by_frames
+from nico_selfmodel.estimation.tree.forward.rows_last import at_samples, consecutive, dot_first
 from nico_selfmodel.estimation.tree.forward.sensor_models import (
     Shown,
     shown_bearings,
@@ -31,34 +32,17 @@ from nico_selfmodel.estimation.tree.forward.sensor_models import (
     shown_points,
     shown_poses,
 )
+from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_observations import BEARING, SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import BodyParameters
 from nico_selfmodel.geometry.reflection import reflect, reflection, reflection_slopes
 from nico_selfmodel.model.arm.line_kinematics import cross
-from nico_selfmodel.model.tree.body_tree import FREE, PRISMATIC, REVOLUTE, WHOLE_POSES, BodyTree
+from nico_selfmodel.model.tree.body_tree import FREE, REVOLUTE, WHOLE_POSES, BodyTree
 from nico_selfmodel.model.tree.standing_mirror import StandingMirror
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
 _TRIED = 6
 """Steps after which one of two guesses of a pose is the better one."""
-
-
-@dataclass(frozen=True, eq=False)
-class TreeLinear:
-    """Residuals about a body, predicted minus measured, in the sensors' units."""
-
-    r: NDArray
-    """Shape (R,)."""
-    J: NDArray
-    """By all parameters. Shape (P, R)."""
-    by_joint: NDArray
-    """By what is read with noise, `TreeObservations.noisy_joints`. Shape (R, m)."""
-    taken: NDArray | None = None
-    """Freedoms of each noise group that poses apart took, see `boards.poses_apart`. Shape (G,)."""
-    took: NDArray | None = None
-    """What they took of each scalar, as orthonormal columns: Q of A A^+ = Q Q'. Shape (R, 6)."""
-    poses: NDArray | None = None
-    """Whole poses there, see `TreeResiduals.whole_poses`. Shape (P, n, 4, 4)."""
 
 
 class TreeResiduals:
@@ -185,8 +169,8 @@ class TreeResiduals:
         one, X = int(item[0]), frames[item]
         if (item == one).all():
             X, on = frames[one], self._on[one]
-            R = np.ascontiguousarray(_at(motion.R_WL[on], pose).transpose(2, 0, 1))
-            p = _at(motion.p_WL[on], pose).T + R @ X[:3, 3]
+            R = np.ascontiguousarray(at_samples(motion.R_WL[on], pose).transpose(2, 0, 1))
+            p = at_samples(motion.p_WL[on], pose).T + R @ X[:3, 3]
         else:
             on = self._on[item]
             R = motion.R_WL[on, :, :, pose]
@@ -338,7 +322,8 @@ class TreeResiduals:
         """
         motions, moves = motion.tree.motions, signs.any(axis=0)
         # What moves freely has its own pose, and nothing else.
-        self._by_frames(motion, slopes, push, signs, J, by_q, moves & (np.array(motions) != FREE))
+        framed = moves & (np.array(motions) != FREE)
+        by_frames(motion, (slopes, self._layout.frames), push, signs, J, by_q, framed)
         bends = motion.load is not None
         for i in np.flatnonzero(moves).tolist():
             if motions[i] not in WHOLE_POSES and not (bends and motions[i] == REVOLUTE):
@@ -349,40 +334,6 @@ class TreeResiduals:
                 self._by_whole_pose(i, motion, push, moved, sign, by_joint)
             else:
                 across[:, i, moved] += sign[:, :, 0] * by_bearing(i, motion, push, moved)
-
-    def _by_frames(
-        self,
-        motion: TreeMotion,
-        slopes: NDArray,
-        push: Push,
-        signs: NDArray,
-        J: NDArray,
-        by_q: NDArray,
-        which: NDArray,
-    ) -> None:
-        """Add what turns and shifts of joint frames move, and displacements: all joints at once.
-
-        Arrays have the components of vectors first and the rows last, (3, joints, k, N).
-        """
-        joints = _consecutive(np.flatnonzero(which))
-        sign = signs.T[joints][:, None]
-        along = push.shift_first[:, None] * sign
-        lever = push.p_WM.T[:, None] - _at(motion.p_WJ[joints].swapaxes(0, 1), push.pose)
-        about = cross(lever[:, :, None], along)
-        if push.turn is not None:
-            about = about + push.turn.transpose(2, 1, 0)[:, None] * sign
-        R = _at(motion.R_WP[joints].transpose(2, 1, 0, 3), push.pose)
-        columns = J[: 6 * len(which)].reshape(len(which), 6, *J.shape[1:])
-        frames = self._layout.frames[joints, :3, :3]
-        for part, by, base in ((slice(0, 3), about, slopes[joints]), (slice(3, 6), along, frames)):
-            axes = _along(R[:, :, None], base.transpose(1, 2, 0)[:, None, :, :, None])
-            columns[joints, part] += _along(by[:, None], axes[:, :, :, None]).transpose(1, 0, 3, 2)
-        z = _at(motion.R_WJ[joints, :, 2].swapaxes(0, 1), push.pose)[:, :, None]
-        motions = np.array(motion.tree.motions)[joints]
-        for kind, by in ((REVOLUTE, about), (PRISMATIC, along)):
-            if (own := motions == kind).any():
-                moved = _along(by, z) * own[:, None, None]
-                by_q[joints] += moved.swapaxes(1, 2)
 
     def _by_whole_pose(
         self,
@@ -417,33 +368,15 @@ class TreeResiduals:
             frame = self._layout.frame_of[item]
             if frame < 0:
                 continue
-            own = _consecutive(np.flatnonzero(items == item))
-            R = _at(motion.R_WL[self._on[item]], push.pose[own])
+            own = consecutive(np.flatnonzero(items == item))
+            R = at_samples(motion.R_WL[self._on[item]], push.pose[own])
             columns = J[6 * frame : 6 * frame + 6]
             shift = sign * push.shift_first[:, :, own]
-            columns[3:, own] += _along(shift[:, None], R[:, :, None]).swapaxes(1, 2)
+            columns[3:, own] += dot_first(shift[:, None], R[:, :, None]).swapaxes(1, 2)
             about = None if push.turn is None else sign * push.turn[own].transpose(2, 1, 0)
             if origin is not None:
                 across = cross((push.p_WM[own] - origin[own]).T[:, None], shift)
                 about = across if about is None else across + about
             if about is not None:
-                axes = _along(R.swapaxes(0, 1)[:, :, None], slopes[frame][:, None, :, None])
-                columns[:3, own] += _along(about[:, None], axes[:, :, None]).swapaxes(1, 2)
-
-
-def _consecutive(index: NDArray) -> NDArray | slice:
-    """Return indices that follow each other as a slice, which copies nothing. Shape (N,)."""
-    if len(index) and index[-1] - index[0] == len(index) - 1 and (np.diff(index) == 1).all():
-        return slice(int(index[0]), int(index[-1]) + 1)
-    return index
-
-
-def _at(values: NDArray, pose: NDArray) -> NDArray:
-    """Return values of samples by row, the last axis of both. Shape (..., P) -> (..., N)."""
-    rows = _consecutive(pose)
-    return values[..., rows] if isinstance(rows, slice) else np.take(values, rows, axis=-1)
-
-
-def _along(vectors: NDArray, axes: NDArray) -> NDArray:
-    """Return the sum over the first axis of products of two arrays, their components along it."""
-    return np.asarray(vectors[0] * axes[0] + vectors[1] * axes[1] + vectors[2] * axes[2])
+                axes = dot_first(R.swapaxes(0, 1)[:, :, None], slopes[frame][:, None, :, None])
+                columns[:3, own] += dot_first(about[:, None], axes[:, :, None]).swapaxes(1, 2)
