@@ -46,7 +46,7 @@ def body(
     prior: options.Prior = None,
     effects: options.Effects = "auto",
     up: options.Up = None,
-    loss: options.BodyLoss = "trimmed",
+    loss: options.Loss = "trimmed",
     robot: options.Robot = None,
     arm: options.Arm = None,
     base: options.Base = None,
