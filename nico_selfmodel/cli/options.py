@@ -142,7 +142,12 @@ Up = Annotated[
     str | None,
     typer.Option("--up", help="The vertical in the data's frame, such as 0,0,1; for sag."),
 ]
-Loss = Annotated[str, typer.Option("--loss", help="trimmed, none, huber, cauchy or tukey.")]
+Loss = Annotated[
+    str,
+    typer.Option(
+        "--loss", help="trimmed, none, huber, cauchy or tukey; of bodies trimmed or none."
+    ),
+]
 SplitSeed = Annotated[
     int, typer.Option("--seed", min=0, help="Of what is held out, and of random starts.")
 ]

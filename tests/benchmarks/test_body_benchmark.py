@@ -3,82 +3,79 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation.body.body_initialization import body_start, lines_of
-from nico_selfmodel.estimation.body.body_problem import BodyProblem
-from nico_selfmodel.estimation.noise.hand_noise import HandNoise
-from nico_selfmodel.estimation.observations.arm_views import AxesArm
+from nico_selfmodel.estimation.body.arm_parameters import arm_tree
+from nico_selfmodel.estimation.body.body_initialization import body_start, lines_of, named_like
+from nico_selfmodel.estimation.body.seen_body import SeenBody
+from nico_selfmodel.estimation.observations.observations import gears_known
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.tree_block import TreeBlock
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, TreeParameters
+from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
+from nico_selfmodel.estimation.tree.tree_setup import blank_body
+from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
-from nico_selfmodel.model.arm.line_kinematics import hand_points
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
 from .timing import best_ratio
 
 pytestmark = pytest.mark.benchmark
-NOISE = HandNoise(0.3, np.radians(0.29))
-HELD = [f"{camera}.{name}" for camera in ("left", "right") for name in ("skew", "p1", "p2")]
+NOISE = TreeNoise(np.array([0.3]), np.full(4, np.radians(0.29)))
+HELD = {f"{camera}.{name}" for camera in SIDES for name in ("skew", "p1", "p2")}
 
 
 @pytest.fixture(scope="module")
 def problem():
-    """Return the unanchored problem of chapter 8, whitened, from a start learned by stereo."""
+    """Return the unanchored problem of chapter 8, about a start learned by stereo."""
     world = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
     scenario = simulated_scenario(ProjectedNico.tracked_by(), world, 0, random_poses=139)
     start, dataset, _ = body_start(scenario.train, scenario.cameras, None, 0)
     observations = PixelObservations.from_dataset(dataset)
     assert len(observations) == 200
     assert observations.by_both.all()
-    view = AxesArm(observations.arm, lines_of(start, ("hand",)))
+    seen = SeenBody.of(observations, dataset, None)
+    arm = named_like(lines_of(start, ("hand",)), start, gears_known(observations.arm.units))
+    like = blank_body(seen.data, dict(zip(SIDES, start.rig.cameras, strict=True)))
+    parameters = TreeParameters(arm_tree(arm, start.rig, like))
+    joints = parameters.base.joints
+    free = {name for joint in joints for name in (*parameters.line_of(joint), f"{joint}.gear")}
+    free |= {f"hand.hand.{part}" for part in SHIFTS}
+    free |= {name.replace(".pose.", ".") for name in start.rig.names} - HELD
     # The scale is nobody's: the baseline holds it.
-    held = dict.fromkeys([*HELD, "right.pose.x"])
-    built = BodyProblem(observations, view, start.rig, None, held)
-    x = built.program.start
-    built.hand.whiten(NOISE.whitening(built.hand.by_angle(x), observations.seen))
-    return built
-
-
-def ideal_in(camera, p_LH):
-    """Return X/Z and Y/Z in a camera. Shape (3, N) -> (2, N)."""
-    x, y, z = camera.X_CW[:3, :3] @ p_LH + camera.X_CW[:3, 3:]
-    return np.stack([x / z, y / z])
+    free -= {"right.x"}
+    residuals = TreeResiduals(TreeObservations.of(seen.data), parameters)
+    return TreeProblem(residuals, frozenset(free), {}, NOISE), parameters.start
 
 
 def test_200_poses_and_42_parameters_beat_scipy_on_the_same_jacobian(problem, benchmark):
     from scipy.optimize import least_squares  # slow to load, and only wanted here
 
-    program, block = problem.program, problem.hand
-    free, start = np.flatnonzero(program.free), program.start
-    assert len(free) == 42
-
-    def full(y):
-        x = start.copy()
-        x[free] = y
-        return x
-
-    view, q_of = problem.hand.arm, problem.observations.arm.angles
-    whitening = NOISE.whitening(block.by_angle(start), problem.observations.seen)
+    tree, values = problem
+    assert len(tree.free_names) == 42
+    nothing = np.zeros(len(tree.observations.data.observations), dtype=bool)
+    groups = tree.observations.groups(nothing)
+    whitening = tree._whitening(tree._linear(values, nothing), groups, None)
+    program, block = tree.program(values, whitening), TreeBlock(tree, values, whitening)
+    start = program.start
 
     def residuals(y):
         """As cheap as they can be: no derivatives."""
-        x = full(y)
-        arm = view.hypothesis(x[: len(view.names)])
-        chain, q = arm.chain, np.ascontiguousarray(arm.q_of(q_of).T)
-        zero = np.repeat(chain.p_WH_zero[0][:, None], q.shape[1], axis=1)
-        p_LH = hand_points(chain.directions, chain.points, zero, q)
-        rig = problem.rig_at(x)
-        pixels = [camera.pixels_of(ideal_in(camera, p_LH)) for camera in rig.cameras]
-        r = (np.concatenate(pixels) - block.measured).T
-        return (whitening @ r[:, :, None])[:, :, 0].T.ravel()
+        x = values.copy()
+        x[tree.columns] = y
+        r = (tree.residuals.residuals(x) / tree.scale)[None]
+        return whitening.whiten(r, np.zeros((0, *r.shape)))[0].ravel()
 
     def jacobian(y):
-        return block.evaluate(full(y))[1][free].reshape(len(free), -1).T
+        return block.evaluate(y)[1].reshape(len(y), -1).T
 
     def peer():
-        return least_squares(residuals, start[free], jac=jacobian, method="lm", x_scale="jac")
+        return least_squares(residuals, start, jac=jacobian, method="lm", x_scale="jac")
 
-    assert residuals(start[free]) == pytest.approx(block.evaluate(start)[0].ravel(), abs=1e-9)
     ours, theirs = program.solve(), peer()
+    assert residuals(start) == pytest.approx(block.evaluate(start)[0].ravel(), abs=1e-9)
     assert ours.converged
     assert ours.cost == pytest.approx(theirs.cost, rel=1e-7)
     ratio = best_ratio(program.solve, peer)

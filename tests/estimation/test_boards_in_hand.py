@@ -12,7 +12,9 @@ from nico_selfmodel.dataset.body.link_joint import LinkJoint
 from nico_selfmodel.dataset.body.sensors import MarkerInfo, SensorInfo
 from nico_selfmodel.errors import DataError, NotIdentifiableError
 from nico_selfmodel.estimation.judging import judge, result_of
+from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.tree.boards.board_pose import board_poses_seen
+from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_errors import errors_of
@@ -104,6 +106,32 @@ def test_what_is_whitened_moves_as_its_derivatives_say(mirrored, learned):
         slope = problem.whitened_at(learned.solution)[0][:, i]
         numeric = (ends[0] - ends[1]).ravel() / (2.0 * step)
         assert np.linalg.norm(numeric - slope) < 2e-2 * np.linalg.norm(slope)
+
+
+def test_eliminating_poses_of_boards_leaves_what_whitening_with_them_free_leaves(learned):
+    seen, noise = learned.train.observations, learned.solution.noise
+    linear = TreeResiduals(seen, learned.parameters).linear(learned.values)
+    sigma = noise.sensor[seen.noise_group]
+    free = [learned.parameters.index[name] for name in sorted(learned.setup.free)]
+    left = PosesApart.of(seen, np.ones(len(sigma), dtype=bool)).eliminated(linear, sigma)
+    whole = PoseGroups(seen.sample_visit, np.ones(len(sigma), dtype=bool), 1)
+    by_joint = (linear.by_joint / sigma[:, None])[:, None]
+    loose = np.ones((whole.poses, by_joint.shape[2]), dtype=bool)
+    whitening = PoseWhitening(whole, by_joint, PoseNoise(1.0, noise.joint), loose)
+    r, J = whitening.whiten((linear.r / sigma)[None], (linear.J[free] / sigma)[:, None])
+    a, b = left.J[free] / sigma, J[:, 0]
+    size = np.sqrt(np.diag(a @ a.T))
+    assert_allclose((a @ a.T) / np.outer(size, size), (b @ b.T) / np.outer(size, size), atol=1e-6)
+    assert_allclose((a @ (left.r / sigma)) / size, (b @ r[0]) / size, atol=1e-6)
+    assert left.taken.sum() == pytest.approx(6 * whole.poses)
+
+
+def test_cameras_that_share_their_noise_have_one_standard_deviation(mirrored):
+    sensors = tuple(replace(sensor, noise="pair") for sensor in mirrored.data.sensors)
+    seen = TreeObservations.of(replace(mirrored.data, sensors=sensors))
+    assert seen.noise_groups == ("pair",)
+    assert TreeObservations.of(mirrored.data).noise_groups == ("camera0", "camera1")
+    assert SensorInfo.from_mapping(sensors[0].to_mapping(), "here").noise == "pair"
 
 
 @pytest.mark.parametrize("mirrors", slow_rest([3, 5]))

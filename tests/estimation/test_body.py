@@ -9,23 +9,27 @@ import pytest
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.arm.evaluation import evaluate
+from nico_selfmodel.estimation.body.arm_parameters import arm_tree
 from nico_selfmodel.estimation.body.body import calibrate_body
 from nico_selfmodel.estimation.body.body_initialization import (
     in_left_camera,
-    lines_of,
     reconstructed,
 )
 from nico_selfmodel.estimation.body.body_options import BodyOptions
+from nico_selfmodel.estimation.body.seen_body import SeenBody
 from nico_selfmodel.estimation.cameras.board_check import BoardCheck
 from nico_selfmodel.estimation.cameras.camera_initialization import pose_of_seen_boards
 from nico_selfmodel.estimation.judging import judge, to_json
-from nico_selfmodel.estimation.observations.arm_views import AxesArm
-from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
 from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_parameters import FRAME_PARTS, TURNS, TreeParameters
+from nico_selfmodel.estimation.tree.tree_setup import blank_body
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.arm.link_lengths import link_lengths
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model_file import load_model, save_model
 from nico_selfmodel.systems.simulated.sensors import StereoPixels
@@ -79,13 +83,19 @@ def test_without_boards_only_the_scale_is_open():
     """45 parameters of arm, lenses and pose, rank 44 (design notes, section 6)."""
     _, _, truth, _ = exact_case()
     data = poses(body(), 150)
-    observations = PixelObservations.from_dataset(data)
-    view = AxesArm(observations.arm, lines_of(truth.model(), ("hand",)))
-    block = HandPixels(observations, view)
-    x = np.concatenate([view.start, truth.rig.values])
-    _, jacobian = block.evaluate(x)
-    free = [i for i, n in enumerate(block.names) if not n.endswith((".p1", ".p2"))]
-    stacked = jacobian[free].reshape(len(free), -1).T
+    seen = SeenBody.of(PixelObservations.from_dataset(data), data, None)
+    arm, rig = truth.parameters, truth.rig
+    like = blank_body(seen.data, dict(zip(SIDES, rig.cameras, strict=True)))
+    parameters = TreeParameters(arm_tree(arm, rig, like))
+    x = parameters.values_of(parameters.base)
+    jacobian = TreeResiduals(TreeObservations.of(seen.data), parameters).linear(x).J
+    lines = {n for joint in arm.table.joints for n in parameters.line_of(joint)}
+    lines |= {f"{joint}.gear" for joint in arm.table.joints}
+    still = {f"left.{part}" for part in FRAME_PARTS} | parameters.of_joint_frames
+    still |= {f"hand.hand.{part}" for part in TURNS} | {f"board.{part}" for part in FRAME_PARTS}
+    held = {n for n in parameters.names if n.endswith((".p1", ".p2"))} | (still - lines)
+    free = [i for i, n in enumerate(parameters.names) if n not in held]
+    stacked = jacobian[free].T
     size = np.linalg.norm(stacked, axis=0)
     _, values, vectors = np.linalg.svd(stacked / size)
     values /= values[0]
@@ -95,10 +105,10 @@ def test_without_boards_only_the_scale_is_open():
     null = vectors[-1] / size
     lengths = np.zeros(len(free))
     for place, i in enumerate(free):
-        name = block.names[i]
-        if name.startswith("hand.") or name in ("right.pose.x", "right.pose.y", "right.pose.z"):
+        name = parameters.names[i]
+        if name in ("hand.hand.x", "right.x", "right.y", "right.z"):
             lengths[place] = x[i]
-        elif name.endswith((".point_u", ".point_v")):
+        elif (name in lines and name.endswith((".x", ".y"))) or name.startswith("hand."):
             continue
         else:
             assert abs(null[place] / np.abs(null).max()) < 1e-6, name

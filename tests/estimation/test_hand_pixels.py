@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.body.body_initialization import lines_of
-from nico_selfmodel.estimation.observations.arm_views import AxesArm, DhArm
+from nico_selfmodel.estimation.observations.arm_views import DhArm
 from nico_selfmodel.estimation.observations.hand_pixels import (
     HandPixels,
     project_to_cameras,
@@ -34,18 +33,14 @@ def case():
 
 def block_of(case, kind):
     truth, data, observations = case
-    model = truth.model()
-    if kind == "lines":
-        arm = AxesArm(observations.arm, lines_of(model, ("hand",)))
-    else:
-        arm = DhArm(observations.arm, truth.parameters)
+    arm = DhArm(observations.arm, truth.parameters)
     if kind == "points":
         block = HandPoints(Observations.from_dataset(data), truth.parameters)
         return block, truth.parameters.values
     return HandPixels(observations, arm), np.concatenate([arm.start, truth.rig.values])
 
 
-@pytest.mark.parametrize("kind", ["lines", "rows", "points"])
+@pytest.mark.parametrize("kind", ["rows", "points"])
 def test_the_derivatives_are_those_of_central_differences(case, kind):
     block, x = block_of(case, kind)
     rng = np.random.default_rng(3)
@@ -62,7 +57,7 @@ def test_the_derivatives_are_those_of_central_differences(case, kind):
         assert jacobian[i] == pytest.approx(numeric, abs=1e-6 * size), name
 
 
-@pytest.mark.parametrize("kind", ["lines", "rows", "points"])
+@pytest.mark.parametrize("kind", ["rows", "points"])
 def test_the_derivatives_by_the_joint_angles_are_those_of_moved_encoders(case, kind):
     truth, data, _ = case
     block, x = block_of(case, kind)
@@ -82,7 +77,7 @@ def test_the_derivatives_by_the_joint_angles_are_those_of_moved_encoders(case, k
 
 def test_the_residuals_at_the_truth_are_the_noise_and_gaps_say_nothing(case):
     truth, data, observations = case
-    block, x = block_of(case, "lines")
+    block, x = block_of(case, "rows")
     r, jacobian = block.evaluate(x)
     hidden = ~observations.seen.T
     assert hidden.sum() == 2 * 3
@@ -98,13 +93,6 @@ def test_projecting_to_the_cameras_is_what_the_rig_does(case):
     truth, data, _ = case
     pixels = project_to_cameras(data.p_WH_measured.T, truth.rig.values)[0]
     np.testing.assert_allclose(pixels.T, truth.rig.project(data.p_WH_measured), atol=1e-9)
-
-
-def test_both_ways_of_writing_the_arm_down_predict_the_same_pixels(case):
-    lines, x = block_of(case, "lines")
-    rows, y = block_of(case, "rows")
-    assert lines.project(x)[0] == pytest.approx(rows.project(y)[0], abs=1e-8)
-    assert lines.by_angle(x) == pytest.approx(rows.by_angle(y), abs=1e-6)
 
 
 def test_the_drake_plant_moves_the_hand_as_the_derivatives_say(case):

@@ -39,7 +39,7 @@ def test_poses_are_explained_by_their_joints_to_the_noise_of_the_cameras():
         white, _ = whitening.whiten((linear.r / sigma)[None], np.zeros((0, 1, count)))
         chi.append(float(np.sum(white**2)) / count)
         errors = joint_errors(observations, whitening, linear.r / sigma, None)
-        residuals = residuals.about(errors)
+        residuals = residuals.erring(errors)
     # Linear about the readings, what joint noise leaves looks like wrong corners.
     assert chi[0] > 2.0
     assert chi[2] == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / count))

@@ -204,7 +204,7 @@ def test_about_joint_errors_all_is_linear_where_the_joints_are_then(which, reque
         erring = TreeObservations.of(replace(data, readings=off))
         return TreeResiduals(erring, parameters).residuals(x)
 
-    about = TreeResiduals(observations, parameters, errors)
+    about = TreeResiduals(observations, parameters, joint_errors=errors)
     linear = about.linear(x)
     assert linear.r + linear.pulled == pytest.approx(shown(x, errors))
     pulled = np.sum(linear.by_joint * errors[observations.sample], axis=1)

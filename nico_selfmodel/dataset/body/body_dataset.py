@@ -167,7 +167,10 @@ class BodyDataset:
         flanges = self.X_flange.reshape(len(self.sample), -1)
         all_read = np.hstack([self.si_readings, flanges])
         if self.free_joints:  # nobody read whether what moves freely stayed where it was
-            all_read = np.hstack([all_read, np.arange(len(self.sample))[:, None]])
+            count = len(self.sample)
+            seen = self.observations.pose[np.isin(self.seen_on, self.free_joints)]
+            own = np.where(np.isin(np.arange(count), seen), np.arange(count) + 1, 0)
+            all_read = np.hstack([all_read, own[:, None]])
         return pose_numbers(self.sample, all_read, self.approach)
 
     @property

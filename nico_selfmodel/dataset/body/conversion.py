@@ -32,18 +32,6 @@ def body_dataset_of(dataset: Dataset, cameras: Mapping[str, Camera] | None = Non
         DataError: If nothing was seen directly.
     """
     samples, lead = np.unique(dataset.sample, return_index=True)
-    joints = tuple(
-        LinkJoint(
-            joint.name,
-            WORLD_NAME if i == 0 else dataset.joint_names[i - 1],
-            encoder_unit=joint.encoder_unit,
-            counts_per_turn=joint.counts_per_turn,
-            sign=joint.sign,
-            lower=joint.lower,
-            upper=joint.upper,
-        )
-        for i, joint in enumerate(dataset.joints)
-    )
     direct = dataset.mirror == ""
     parts = [(TRACKER, dataset.p_WH_measured)]
     parts += [(side, dataset.pixels[:, 2 * k : 2 * k + 2]) for k, side in enumerate(SIDES)]
@@ -58,7 +46,7 @@ def body_dataset_of(dataset: Dataset, cameras: Mapping[str, Camera] | None = Non
     table = ObservationTable(*(np.concatenate(column) for column in zip(*tables, strict=True)))
     return BodyDataset(
         dataset.name,
-        joints,
+        chain_of(dataset),
         tuple(MarkerInfo(marker, dataset.joint_names[-1]) for marker in dataset.markers),
         tuple(sensors),
         samples,
@@ -67,6 +55,22 @@ def body_dataset_of(dataset: Dataset, cameras: Mapping[str, Camera] | None = Non
         approach=dataset.approach[lead],
         source=dataset.source,
         seed=dataset.seed,
+    )
+
+
+def chain_of(dataset: Dataset) -> tuple[LinkJoint, ...]:
+    """Return the joints of a data set, each on the one before it."""
+    return tuple(
+        LinkJoint(
+            joint.name,
+            WORLD_NAME if i == 0 else dataset.joint_names[i - 1],
+            encoder_unit=joint.encoder_unit,
+            counts_per_turn=joint.counts_per_turn,
+            sign=joint.sign,
+            lower=joint.lower,
+            upper=joint.upper,
+        )
+        for i, joint in enumerate(dataset.joints)
     )
 
 

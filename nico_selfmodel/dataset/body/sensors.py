@@ -30,7 +30,9 @@ FIRST_SIGMA = {POINTS: 1e-3, POSES: 1e-3, CAMERA: 0.5, DISTANCE: 1e-3}
 """Standard deviations with which an unknown noise is first taken [m or px]."""
 FIRST_TURN_SIGMA = 0.01
 """That of a measured orientation [rad]."""
-_KEYS = ("name", "kind", "on", "sigma_m", "sigma_px", "sigma_rad", "image_size", "lens", "pose")
+_KEYS = (
+    "name", "kind", "on", "sigma_m", "sigma_px", "sigma_rad", "image_size", "lens", "pose", "noise",
+)  # fmt: skip
 _LIMIT = {POINTS: 1.0, POSES: 1.0, CAMERA: 100.0, DISTANCE: 1.0}
 
 
@@ -92,6 +94,8 @@ class SensorInfo:
     """Of a camera, one of `LENSES`."""
     X_LS: NDArray | None = None
     """Where it is thought to be on its link; a guess. Shape (4, 4)."""
+    noise: str = ""
+    """Sensors that say the same here share their standard deviations; its own name if empty."""
 
     @property
     def camera(self) -> Camera | None:
@@ -138,6 +142,7 @@ class SensorInfo:
             _lens(entry.get("lens"), where),
             X_LS=_pose(entry.get("pose"), where),
             lens_kind=_lens_kind(entry.get("lens"), where),
+            noise=text_value(entry, "noise", where, ""),
         )
 
     def to_mapping(self) -> dict[str, Any]:
@@ -150,6 +155,7 @@ class SensorInfo:
         entry["lens"] = None if self.lens is None else kind | dict(self.lens)
         if self.X_LS is not None:
             entry["pose"] = pose_mapping(self.X_LS)
+        entry["noise"] = self.noise or None
         return {key: value for key, value in entry.items() if value is not None}
 
 

@@ -8,7 +8,7 @@ tracker noise and joint noise, both estimated.
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,29 +20,33 @@ from nico_selfmodel.dataset.held_out import held_out_of
 from nico_selfmodel.errors import NotConvergedError
 from nico_selfmodel.estimation.bending.ladder import Ladder, climb
 from nico_selfmodel.estimation.bending.steps import STEPS
-from nico_selfmodel.estimation.body.bending_body import BendingBody, BodyBend, BodyPosture
+from nico_selfmodel.estimation.body.bending_body import BendingBody
 from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.body.body_cross_validation import cross_validate_body
 from nico_selfmodel.estimation.body.body_initialization import body_start, lines_of, named_like
 from nico_selfmodel.estimation.body.body_options import BodyOptions
-from nico_selfmodel.estimation.body.body_problem import BodyProblem, BodySolution
+from nico_selfmodel.estimation.body.body_problem import (
+    BodyProblem,
+    arm_and_cameras,
+    outlier_rows,
+)
 from nico_selfmodel.estimation.body.body_uncertainty import (
     body_uncertainty,
     noise_sigmas,
     position_sigma,
 )
 from nico_selfmodel.estimation.body.few_poses import open_at
+from nico_selfmodel.estimation.body.seen_body import SeenBody
 from nico_selfmodel.estimation.cameras.board_accuracy import held_out_residuals
 from nico_selfmodel.estimation.cameras.board_check import BoardCheck
 from nico_selfmodel.estimation.cameras.camera_adjustment import OUTLIER_RATIO
 from nico_selfmodel.estimation.cameras.camera_calibration import FEWEST_VIEWS
 from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
-from nico_selfmodel.estimation.noise.arm_solution import Priors
 from nico_selfmodel.estimation.noise.hand_noise import HandNoise
 from nico_selfmodel.estimation.noise.hand_observations import JOINT_SIGMA
 from nico_selfmodel.estimation.noise.training_noise import with_training_noise
-from nico_selfmodel.estimation.observations.arm_views import AxesArm, DhArm
 from nico_selfmodel.estimation.observations.observations import gears_known
+from nico_selfmodel.estimation.observations.parameter_scales import arm_size
 from nico_selfmodel.estimation.observations.pixel_evaluation import (
     PixelEvaluation,
     evaluate_pixels,
@@ -50,13 +54,12 @@ from nico_selfmodel.estimation.observations.pixel_evaluation import (
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.results.provenance import data_named, package_versions
+from nico_selfmodel.estimation.tree.bending_tree import TreeBend
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
-FIRST_NOISE = HandNoise(0.5, np.radians(0.3))
-"""Where the search for the variances starts."""
 FEWEST_ROWS = 8
 """Poses seen by both cameras below which nothing is left to tell an error by."""
 
@@ -109,20 +112,23 @@ def calibrate_body(
     start, dataset, label = body_start(dataset, start, nominal, seed, pinned)
     observations = PixelObservations.from_dataset(dataset)
     boards, outlying = _inlier_boards(boards, start.rig)
-    task = _Task(observations, start, boards if options.anchored else None, options)
-    task.require_poses(dataset.name)
-    ladder = task.climbed(*task.solve(), effects, up, seed)
-    found: BodyBend = ladder.solution
-    parameters, solved = found.parameters, found.solved
-    posture = BodyPosture(parameters, solved.rig)
-    uncertainty = ladder.in_doubt(task.uncertainty(found), posture)
-    crossed = task.cross_validation(found)
+    task = _Task(dataset, observations, start, boards if options.anchored else None, options)
+    task.require_poses()
+    rigid, iterations = task.solve()
+    ladder = task.climbed(rigid, effects, up, seed)
+    found: TreeBend = ladder.solution
+    seen, solution = task.seen, found.solution
+    parameters, rig = arm_and_cameras(found)
+    outliers, noise = outlier_rows(seen, found), task.noise(found)
+    inliers = observations.select(~outliers)
+    uncertainty = ladder.in_doubt(body_uncertainty(found, observations), found.posture)
+    crossed = cross_validate_body(found, seen, outliers, noise.sensor_sigma)
     training = _training_of(dataset, observations, crossed)
-    model = task.model(parameters, solved, uncertainty, dataset, name or start.name, training)
+    model = task.model(parameters, rig, noise, outliers, uncertainty, name or start.name, training)
     judged = test_boards if test_boards is not None else boards
     check = None
     if judged is not None and options.stage != "kinematics":
-        check = BoardCheck.from_rigs(start.rig, solved.rig, judged, test_boards is not None)
+        check = BoardCheck.from_rigs(start.rig, rig, judged, test_boards is not None)
     return BodyCalibration(
         model,
         start,
@@ -132,17 +138,17 @@ def calibrate_body(
         None if test is None else evaluate_pixels(model, test),
         evaluate_pixels(start, dataset if test is None else test),
         crossed,
-        solved.outliers,
-        solved.noise,
-        noise_sigmas(observations, parameters, solved),
-        solved.corner_sigma,
+        outliers,
+        noise,
+        noise_sigmas(inliers, parameters, rig, noise),
+        seen.corner_sigma_of(solution.noise),
         uncertainty,
         check,
         outlying,
         task.scale_from,
-        solved.converged,
-        solved.iterations,
-        solved.history,
+        solution.converged,
+        iterations + solution.iterations * (found is not rigid),
+        solution.history,
         time.perf_counter() - clock,
         ladder,
     )
@@ -196,13 +202,14 @@ class _Task:
 
     def __init__(
         self,
+        dataset: Dataset,
         observations: PixelObservations,
         start: SelfModel,
         boards: BoardViews | None,
         options: BodyOptions,
     ) -> None:
-        self.observations, self.start, self.boards = observations, start, boards
-        self.options = options
+        self.dataset, self.observations, self.start = dataset, observations, start
+        self.options, self.anchored = options, boards is not None
         self.gear_known = gears_known(observations.arm.units)
         self.held_cameras = options.held_cameras(start.rig)
         self.pins = FixedParameters(
@@ -210,6 +217,8 @@ class _Task:
             options.freed & options.arm_names,
         )
         self.pins.check(start.parameters)
+        self.alone = SeenBody.of(observations, dataset, None)
+        self.seen = self.alone if boards is None else SeenBody.of(observations, dataset, boards)
 
     @property
     def held_gears(self) -> frozenset[str]:
@@ -221,69 +230,75 @@ class _Task:
     @property
     def scale_from(self) -> str:
         """What holds the scale."""
-        if self.boards is not None:
+        if self.anchored:
             return "boards"
         if self.options.stage == "kinematics":
             return "cameras"
         return self.options.scale_name(self.start.rig)
 
-    def require_poses(self, name: str) -> None:
+    @cached_property
+    def first(self) -> tuple[DhParameters, StereoRig]:
+        """Arm and cameras to begin with, at what the user holds of gears and cameras."""
+        lines = lines_of(self.start, self.observations.arm.markers)
+        arm = named_like(lines, self.start, self.gear_known)
+        values = dict(zip(arm.names, arm.values.tolist(), strict=True))
+        held = self.held_gears
+        values |= {n: v for n, v in self.pins.pinned.items() if v is not None and n in held}
+        rig = self.start.rig
+        cameras = dict(zip(rig.names, rig.values.tolist(), strict=True))
+        cameras |= {n: v for n, v in self.held_cameras.items() if v is not None}
+        moved = np.array([cameras[n] for n in rig.names])
+        arm = arm.with_values(np.array([values[n] for n in arm.names]))
+        return arm, StereoRig.from_values(moved, rig.left.image_size, rig.lens)
+
+    def _problem(self, seen: SeenBody) -> BodyProblem:
+        options = self.options
+        return BodyProblem(seen, self.start, options.whitened, options.loss != "none")
+
+    def require_poses(self) -> None:
         """Refuse too few poses, and name what they would leave unobservable.
 
         Raises:
             DataError: If so.
         """
-        free = self.free_names(self.start.parameters)
+        arm, rig = self.first
+        free = self.free_names(arm)
         of_arm = free & frozenset(self.start.parameters.names)
         fewest = max(FEWEST_ROWS, -(-len(of_arm) // 3))
         if self.observations.by_both.sum() < fewest:
-            unobservable = open_at(self.start, self.observations, free, self.boards, FIRST_NOISE)
-            self.observations.require_both_cameras(fewest, name, unobservable)
+            problem = self._problem(self.seen).named(arm, rig, free)
+            unobservable = open_at(problem, arm_size(self.start))
+            self.observations.require_both_cameras(fewest, self.dataset.name, unobservable)
 
-    def solve(self) -> tuple[DhParameters, BodySolution]:
-        """Refine the arm alone, then what the stage frees; as lines, then by name if pinned."""
-        arm = lines_of(self.start, self.observations.arm.markers)
-        gears = {n: self.pins.pinned.get(n) for n in self.held_gears}
-        noise, rig = FIRST_NOISE, self.start.rig
+    def solve(self) -> tuple[TreeBend, int]:
+        """Refine the arm alone, then what the stage frees; as lines, then by name.
+
+        Returns:
+            The rigid body, and how many iterations it took.
+        """
+        arm, rig = self.first
+        cameras = frozenset(self.options.at("kinematics").held_cameras(rig))
+        arm, _, lines = self._problem(self.alone).by_lines(arm, rig, self.held_gears | cameras)
+        iterations, problem = lines.solution.iterations, self._problem(self.seen)
         if self.options.stage != "kinematics":
-            alone = self.options.at("kinematics").held_cameras(rig)
-            view = AxesArm(self.observations.arm, arm)
-            problem = BodyProblem(self.observations, view, rig, None, {**gears, **alone})
-            first = self._run(problem, noise)
-            arm, noise = view.hypothesis(first.arm), first.noise
-        view = AxesArm(self.observations.arm, arm)
-        held = {**gears, **self.held_cameras}
-        problem = BodyProblem(self.observations, view, rig, self.boards, held)
-        solved = self._run(problem, noise)
-        parameters = named_like(view.hypothesis(solved.arm), self.start, self.gear_known)
-        if self.pins.only_gears:
-            return parameters, solved
-        return self._solve_by_name(parameters, solved)
-
-    def _solve_by_name(
-        self, parameters: DhParameters, solved: BodySolution
-    ) -> tuple[DhParameters, BodySolution]:
-        """Solve again in named parameters, some of which are pinned or freed."""
-        view = DhArm(self.observations.arm, parameters)
-        pinned = parameters.gauge | self.held_gears | frozenset(self.pins.pinned)
-        known = dict(zip(self.start.parameters.names, self.start.parameters.values, strict=True))
-        held = dict.fromkeys(pinned - self.pins.freed)
-        for n, value in self.pins.pinned.items():
-            held[n] = float(known[n]) if value is None else value
-        cameras = {**self.held_cameras}
-        problem = BodyProblem(self.observations, view, solved.rig, self.boards, {**held, **cameras})
-        again = self._run(problem, solved.noise)
-        found = view.parameters(again.arm)
-        if np.any(found.servos.gear <= 0.0):
+            held = self.held_gears | frozenset(self.held_cameras)
+            arm, rig, lines = problem.by_lines(arm, rig, held, lines.solution)
+            iterations += lines.solution.iterations
+        values = {} if self.pins.only_gears else self._pinned_values()
+        found = problem.by_name(arm, rig, self.free_names(arm), lines, values)
+        if np.any(arm_and_cameras(found)[0].gears <= 0.0):
             raise NotConvergedError(
                 f"no arm fits the data with {', '.join(sorted(self.pins.names))} as asked: a gear "
                 "turned negative on the way"
             )
-        return DhParameters(found.table, found.servos), again
+        return found, iterations + found.solution.iterations
 
-    def _run(self, problem: BodyProblem, noise: HandNoise) -> BodySolution:
-        rounds = self.options.rounds if self.options.whitened else 0
-        return problem.solve(noise, self.options.loss, rounds)
+    def _pinned_values(self) -> dict[str, float]:
+        """Return where the user holds parameters of the arm."""
+        start = self.start.parameters
+        known = dict(zip(start.names, start.values.tolist(), strict=True))
+        pinned = self.pins.pinned.items()
+        return {n: known[n] if value is None else value for n, value in pinned}
 
     def free_names(self, parameters: DhParameters) -> frozenset[str]:
         """Return the names of everything that was estimated."""
@@ -292,67 +307,43 @@ class _Task:
         return arm | (frozenset(self.start.rig.names) - frozenset(self.held_cameras))
 
     def climbed(
-        self,
-        parameters: DhParameters,
-        solved: BodySolution,
-        effects: Sequence[str],
-        up: NDArray | None,
-        seed: int,
+        self, rigid: TreeBend, effects: Sequence[str], up: NDArray | None, seed: int
     ) -> Ladder:
         """Ask the rigid body what bends; nothing where pixels are not weighed by their noise."""
-        rigid = BodyBend(parameters, solved, self.free_names(parameters), {})
-        held = frozenset(self.pins.pinned)
-        body = BendingBody(self.observations, self.boards, rigid, self.solve_bent, held, up, seed)
+        body = BendingBody(rigid, frozenset(self.pins.pinned), up, seed)
         return climb(body, effects if self.options.whitened else None)
 
-    def solve_bent(
-        self, posture: BodyPosture, free: frozenset[str], priors: Priors, noise: HandNoise
-    ) -> BodyBend:
-        """Solve by name about a body that bends."""
-        view = DhArm(self.observations.arm, posture.arm)
-        held = dict.fromkeys(frozenset(posture.names) - free)
-        problem = BodyProblem(self.observations, view, posture.rig, self.boards, held)
-        for name, known in priors.items():
-            problem.program.add_prior(name, *known)
-        solved = self._run(problem, noise)
-        arm = replace(view.parameters(solved.arm), turn=None)
-        return BodyBend(arm, solved, free, priors)
-
-    def uncertainty(self, found: BodyBend) -> Uncertainty:
-        """Return the covariance of what was free."""
-        whitened = self.options.whitened
-        rows = self.observations, found.parameters, found.solved, found.free, self.boards
-        return body_uncertainty(*rows, whitened, found.priors)
-
-    def cross_validation(self, found: BodyBend) -> PixelEvaluation | None:
-        """Return the inlier rows, predicted without them."""
-        whitened = self.options.whitened
-        rows = self.observations, found.parameters, found.solved, found.free, self.boards
-        return cross_validate_body(*rows, whitened, found.priors)
+    def noise(self, found: TreeBend) -> HandNoise:
+        """Return what disturbs the hand's pixels; of exact joints what would, did they err."""
+        if self.options.whitened:
+            return self.seen.noise_of(found.solution.noise)
+        likely = BodyProblem(self.seen, self.start).as_if_joints_erred(found)
+        return self.seen.noise_of(likely)
 
     def model(
         self,
         parameters: DhParameters,
-        solved: BodySolution,
+        rig: StereoRig,
+        noise: HandNoise,
+        outliers: NDArray,
         uncertainty: Uncertainty,
-        dataset: Dataset,
         name: str,
         training: dict[str, Any],
     ) -> SelfModel:
         """Assemble the self-model."""
-        options = self.options
+        options, dataset = self.options, self.dataset
         fit = {
             "method": f"body, {options.stage}, {options.variant}",
             "loss": options.loss,
             **training,
-            JOINT_SIGMA: solved.noise.joint_sigma,
+            JOINT_SIGMA: noise.joint_sigma,
         }
         model = SelfModel(
             name,
             parameters.table,
             parameters.servos,
             ParameterCovariance(uncertainty.names, uncertainty.covariance),
-            position_sigma(self.observations, parameters, solved.noise),
+            position_sigma(self.observations, parameters, noise),
             self.start.robot,
             fit,
             {
@@ -360,9 +351,8 @@ class _Task:
                 "start": self.start.name,
                 **package_versions("drake"),
             },
-            {"left": solved.rig.left, "right": solved.rig.right},
-            solved.noise.sensor_sigma,
+            {"left": rig.left, "right": rig.right},
+            noise.sensor_sigma,
             bending=parameters.bending,
         )
-        outliers = self.observations.arm.sample[solved.outliers]
-        return with_training_noise(model, dataset, "pixels", outliers)
+        return with_training_noise(model, dataset, "pixels", self.observations.arm.sample[outliers])

@@ -61,7 +61,7 @@ class BodyCalibration:
     seconds: float
     """Time taken, the start included."""
     ladder: Ladder
-    """What may bend, and what became of it; its solutions are `BodyBend`."""
+    """What may bend, and what became of it; its solutions are `TreeBend`."""
 
     @property
     def free(self) -> frozenset[str]:

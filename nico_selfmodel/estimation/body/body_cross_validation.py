@@ -1,71 +1,56 @@
 """Errors of arm and cameras on poses they have not seen, from the training data alone."""
 
 import numpy as np
+from numpy.typing import NDArray
 
-from nico_selfmodel.dataset.board_views import BoardViews
-from nico_selfmodel.estimation.body.body_problem import BodyProblem, BodySolution
-from nico_selfmodel.estimation.noise.arm_solution import Priors
+from nico_selfmodel.estimation.body.arm_parameters import ArmParameters
+from nico_selfmodel.estimation.body.seen_body import SeenBody
 from nico_selfmodel.estimation.observations.arm_views import DhArm
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
-from nico_selfmodel.estimation.observations.pixel_observations import (
-    PixelObservations,
-    seen_points,
-)
+from nico_selfmodel.estimation.observations.pixel_observations import seen_points
 from nico_selfmodel.estimation.results.folds import FOLDS, fold_of, splits
-from nico_selfmodel.model.arm.dh_parameters import DhParameters
-from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.estimation.tree.bending_tree import TreeBend
+from nico_selfmodel.estimation.tree.tree_errors import without_folds
 
 
 def cross_validate_body(
-    observations: PixelObservations,
-    parameters: DhParameters,
-    solved: BodySolution,
-    free: frozenset[str],
-    boards: BoardViews | None,
-    whitened: bool,
-    priors: Priors | None = None,
+    found: TreeBend, seen: SeenBody, outliers: NDArray, pixel_sigma: float
 ) -> PixelEvaluation | None:
     """Predict each pose by arm and cameras refined without its fold.
 
-    Whole poses are left out, in turn; outliers take no part. Each fold starts from the solution of
-    all data, with its variances.
+    Whole poses are left out, in turn; outliers take no part, boards all of it.
 
     Args:
-        observations: The training data.
-        parameters: The arm.
-        solved: Cameras, variances and outliers.
-        free: Parameters that were estimated.
-        boards: Corners in the same problem, if any.
-        whitened: Whether the pixels are weighed by the variances.
-        priors: Of numbers that bend.
+        found: The solution of all data.
+        seen: The training data.
+        outliers: Rows of the hand that are outliers. Boolean, shape (N,).
+        pixel_sigma: Standard deviation of a pixel [px].
 
     Returns:
         Inlier rows beside predictions that never saw them; None with too few poses.
     """
-    inliers = observations.select(~solved.outliers)
+    inliers = seen.pixels.select(~outliers)
     fold = fold_of(inliers.arm.pose)
     fewest = min((int(inliers.seen[rest].sum()) for rest, _ in splits(fold)), default=0)
-    if fold.max(initial=0) < FOLDS - 1 or fewest <= len(free):
+    if fold.max(initial=0) < FOLDS - 1 or fewest <= len(found.problem.free_names):
         return None
+    by_row = np.full(len(outliers) + 1, -1)
+    by_row[:-1][~outliers] = fold
+    of_scalars = by_row[seen.row][found.problem.observations.row]
+    parameters = found.problem.residuals.parameters
+    assert isinstance(parameters, ArmParameters)
     pixels = np.full(inliers.pixels.shape, np.nan)
-    predicted, seen = np.full((2, len(inliers), 3), np.nan)
-    for rest, rows in splits(fold):
-        kept, left = inliers.select(rest), inliers.select(rows)
-        view = DhArm(kept.arm, parameters)
-        problem = BodyProblem(kept, view, solved.rig, boards, {}, solved.X_LG)
-        for name in problem.hand.names:
-            if name not in free:
-                problem.program.fix(name)
-        for name, known in (priors or {}).items():
-            problem.program.add_prior(name, *known)
-        x = problem.solve_weighed(solved.noise if whitened else None)
-        split = len(view.names)
-        p_LH = DhArm(left.arm, parameters).evaluate(x[:split])[0].T
+    predicted, points = np.full((2, len(inliers), 3), np.nan)
+    folds = without_folds(found.problem, found.solution, of_scalars)
+    for k, (_, values) in enumerate(folds):
+        rows = fold == k
+        left = inliers.select(rows)
+        arm = parameters.arm_of(values)
         try:
-            of_cameras, size = x[split : split + len(solved.rig.names)], solved.rig.left.image_size
-            rig = StereoRig.from_values(of_cameras, size, solved.rig.lens)
+            rig = parameters.rig_of(values)
         except ValueError:
             return None
+        p_LH = DhArm(left.arm, arm).evaluate(arm.values)[0].T
         pixels[rows], predicted[rows] = rig.project(p_LH), p_LH
-        seen[rows] = seen_points(left, rig, solved.noise.sensor_sigma)
-    return PixelEvaluation(inliers, pixels, predicted, seen)
+        points[rows] = seen_points(left, rig, pixel_sigma)
+    return PixelEvaluation(inliers, pixels, predicted, points)

@@ -7,13 +7,14 @@ from nico_selfmodel.estimation.cameras.camera_options import HELD_BY_DEFAULT, by
 from nico_selfmodel.model.cameras.projection import EVERY_INTRINSIC, RATIONAL
 from nico_selfmodel.model.cameras.rig_parameters import SIDES, rig_names
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
-from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
 
 STAGES = ("kinematics", "intrinsics-fixed", "full")
 """The thesis' three: the arm before pinned cameras; the right camera's pose too; lenses too."""
 VARIANTS = ("anchored", "unanchored", "thesis")
 """`anchored`: chessboard corners in the same problem. `unanchored`: without them. `thesis`: as
 published, without boards, lens distortion or whitening."""
+LOSSES = ("trimmed", "none")
+"""Least squares without what nothing explains, or over all."""
 _LENS = ("k1", "k2", "k3")
 
 
@@ -30,21 +31,17 @@ class BodyOptions:
     freed: frozenset[str] = frozenset()
     """Parameters that move although they are held by default."""
     loss: str = "trimmed"
-    """Of poses: one of `optimization.robust_solve.ROBUST_METHODS`."""
-    rounds: int = 4
-    """Most alternations between the solution and the variances."""
+    """Of poses, one of `LOSSES`."""
 
     def __post_init__(self) -> None:
         """Check the choices."""
         for word, known in (
             (self.stage, STAGES),
             (self.variant, VARIANTS),
-            (self.loss, ROBUST_METHODS),
+            (self.loss, LOSSES),
         ):
             if word not in known:
                 raise ValueError(f"no {word!r}; choose one of {', '.join(known)}")
-        if self.rounds < 1:
-            raise ValueError(f"rounds must be at least 1, got {self.rounds}")
         both = set(self.pinned) & self.freed
         if both:
             raise ValueError(f"{', '.join(sorted(both))} cannot be both pinned and freed")

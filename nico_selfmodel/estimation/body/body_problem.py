@@ -1,185 +1,225 @@
-"""One adjustment of arm, cameras and boards: the program, its variances, its solution."""
+"""The adjustment of arm, cameras and boards: a tree, first by its lines, then by name.
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+Joints that are known from nothing but their motion have four numbers each, two turns and two
+shifts, whose minimum is found in a few steps wherever axes are. Rows have names that users hold,
+and whose covariance is told: the last problem is laid in these about the minimum of the first.
+"""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import NotConvergedError
-from nico_selfmodel.estimation.cameras.board_residuals import BoardResiduals
-from nico_selfmodel.estimation.cameras.camera_initialization import pose_of_seen_boards
-from nico_selfmodel.estimation.noise.hand_noise import HandNoise
-from nico_selfmodel.estimation.observations.arm_views import ArmView
+from nico_selfmodel.estimation.body.arm_parameters import ArmParameters, arm_tree
+from nico_selfmodel.estimation.body.body_initialization import named_like
+from nico_selfmodel.estimation.body.seen_body import SeenBody
+from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
+from nico_selfmodel.estimation.observations.arm_views import DhArm
 from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
-from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
+from nico_selfmodel.estimation.observations.observations import gears_known
+from nico_selfmodel.estimation.tree.bending_tree import TreeBend
+from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, BodyParameters, TreeParameters
+from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
+from nico_selfmodel.estimation.tree.tree_setup import blank_body
+from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
-from nico_selfmodel.optimization.calibration_program import CalibrationProgram
-from nico_selfmodel.optimization.robust_solve import RobustSolution, solve_robustly
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.tree.body_tree import BodyTree
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
+from nico_selfmodel.optimization.chi_square import as_rare_as
+from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 
-FIRST_CORNER_SIGMA = 0.2
-"""Noise of a corner, until it is estimated [px]."""
+
+class ReadExactly(TreeResiduals):
+    """The forward model of joints that turn as they are read: all noise is the pixels'."""
+
+    def linear(self, values: NDArray, start: NDArray | None = None) -> TreeLinear:
+        """Return residuals and derivatives; what is read says nothing of its noise."""
+        found = super().linear(values, start)
+        return replace(found, by_joint=np.where(self.observations.unread, found.by_joint, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
-class BodySolution:
-    """Where an adjustment ended."""
-
-    arm: NDArray
-    """Variables of the arm."""
-    rig: StereoRig
-    """The cameras, the left one at the world."""
-    noise: HandNoise
-    """What disturbs the hand's pixels."""
-    corner_sigma: float | None
-    """Standard deviation of a corner's coordinate [px]; None without boards."""
-    X_LG: NDArray | None
-    """Poses of the boards [m]; None without any. Shape (V, 4, 4)."""
-    outliers: NDArray
-    """Outlier rows. Boolean, shape (N,)."""
-    converged: bool
-    iterations: int
-    history: tuple[float, ...]
-
-
 class BodyProblem:
-    """Arm, cameras and boards as one program of named variables."""
+    """Arm, cameras and boards as one problem."""
 
-    def __init__(
+    seen: SeenBody
+    """What was seen."""
+    start: SelfModel
+    """Arm and cameras to begin with; it tells the zeros of joints."""
+    whitened: bool = True
+    """Whether joints have noise."""
+    trim: bool = True
+    """Whether outliers are looked for."""
+
+    def _residuals(self, parameters: BodyParameters) -> TreeResiduals:
+        kind = TreeResiduals if self.whitened else ReadExactly
+        return kind(TreeObservations.of(self.seen.data), parameters)
+
+    def by_lines(
         self,
-        observations: PixelObservations,
-        view: ArmView,
+        arm: DhParameters,
         rig: StereoRig,
-        boards: BoardViews | None,
-        held: Mapping[str, float | None],
-        X_LG: NDArray | None = None,
-    ) -> None:
-        """Set up the program at a start.
+        held: frozenset[str],
+        before: TreeSolution | None = None,
+    ) -> tuple[DhParameters, StereoRig, TreeBend]:
+        """Refine an arm as lines, with its cameras.
 
         Args:
-            observations: Where the cameras saw the hand.
-            view: How the arm is written down.
-            rig: Where the cameras start, the left one at the world.
-            boards: Corners that hold scale and lenses; None to do without.
-            held: Variables of arm and cameras that stay, and where; None where they are.
-            X_LG: Where the boards start; by homographies if omitted. Shape (V, 4, 4).
-        """
-        self.observations, self._split = observations, len(view.names)
-        self._image_size, self._lens = rig.left.image_size, rig.lens
-        self._end = self._split + len(rig.names)
-        self.hand = HandPixels(observations, view, lens=rig.lens)
-        self.program = CalibrationProgram()
-        self.program.add_variables(self.hand.names, np.concatenate([view.start, rig.values]))
-        self._hand_number = self.program.add_residuals(self.hand)
-        self.boards: BoardResiduals | None = None
-        if boards is not None:
-            X_LG = pose_of_seen_boards(rig.cameras, boards) if X_LG is None else X_LG
-            self.boards = BoardResiduals(boards, X_LG, FIRST_CORNER_SIGMA, lens=rig.lens)
-            start = self.boards.start_of(rig.cameras, X_LG)[len(rig.names) :]
-            self.program.add_variables(self.boards.names[len(rig.names) :], start)
-            self._board_number = self.program.add_residuals(self.boards)
-        for name, value in held.items():
-            self.program.fix(name, value)
-
-    def rig_at(self, x: NDArray) -> StereoRig:
-        """Return the cameras that variables describe.
-
-        Raises:
-            NotConvergedError: If they have become cameras that cannot be.
-        """
-        try:
-            shared = x[self._split : self._end]
-            return StereoRig.from_values(shared, self._image_size, self._lens)
-        except ValueError as error:
-            raise NotConvergedError(f"no plausible cameras fit the hand: {error}") from error
-
-    def solve(self, noise: HandNoise, loss: str, rounds: int) -> BodySolution:
-        """Alternate between the solution and the variances, then solve to the end.
-
-        Args:
-            noise: Variances to start with.
-            loss: One of `optimization.robust_solve.ROBUST_METHODS`.
-            rounds: Most alternations; zero keeps one pixel for every coordinate.
-
-        Returns:
-            The solution.
+            arm: Where it begins.
+            rig: Where the cameras begin, the left one at the world.
+            held: Gears and parameters of cameras that stay.
+            before: The solution of less that was seen, or of less that was free.
 
         Raises:
             NotConvergedError: If cameras that cannot be come out.
         """
-        rough_loss = "none" if loss == "none" else "cauchy"
-        iterations = 0
-        for _ in range(rounds):
-            self._weigh(noise)
-            found = solve_robustly(self.program, self._hand_number, rough_loss, rough=True)
-            iterations += found.iterations
-            before, noise = noise, self._noise(found)
-            if noise.close_to(before):
-                break
-        if rounds:
-            self._weigh(noise)
-        found = solve_robustly(self.program, self._hand_number, loss)
-        x = found.solution.x
-        corner_sigma = None if self.boards is None else self._corner_sigma(x)
-        return BodySolution(
-            x[: self._split],
-            self.rig_at(x),
-            self._noise(found),
-            corner_sigma,
-            None if self.boards is None else self._board_poses(x),
-            found.outliers,
-            found.solution.converged,
-            iterations + found.iterations,
-            found.solution.history,
-        )
+        parameters = TreeParameters(arm_tree(arm, rig, self._blank(rig)))
+        joints, base = arm.table.joints, parameters.base
+        free = {name for joint in joints for name in parameters.line_of(joint)}
+        free |= {f"{joint}.gear" for joint in joints}
+        free |= {f"hand.{marker}.{part}" for marker in arm.table.markers for part in SHIFTS}
+        free |= {name.replace(".pose.", ".") for name in rig.names}
+        free -= {name.replace(".pose.", ".") for name in held}
+        problem = TreeProblem(self._residuals(parameters), frozenset(free), {})
+        solution = self._refined(problem, parameters.values_of(base), before)
+        tree = parameters.tree_of(solution.values)
+        found = lines_of_tree(tree, self.start.servos.offset, arm.table.markers)
+        named = named_like(found, self.start, gears_known(self.seen.pixels.arm.units))
+        rig = StereoRig(*(tree.camera(side) for side in SIDES))
+        return named, rig, TreeBend(problem, solution)
 
-    def solve_weighed(self, noise: HandNoise | None) -> NDArray:
-        """Solve roughly by plain least squares with known variances; None keeps one pixel.
+    def named(
+        self,
+        arm: DhParameters,
+        rig: StereoRig,
+        free: frozenset[str],
+        noise: TreeNoise | None = None,
+        poses: NDArray | None = None,
+    ) -> TreeProblem:
+        """Return the problem by name about an arm and cameras, boards at some poses."""
+        parameters = ArmParameters(arm, rig, self._blank(rig))
+        residuals = self._residuals(parameters)
+        return TreeProblem(residuals.about(parameters, poses), free, {}, noise)
 
-        Returns:
-            All variables. Shape (p,).
+    def by_name(
+        self,
+        arm: DhParameters,
+        rig: StereoRig,
+        free: frozenset[str],
+        before: TreeBend,
+        values: Mapping[str, float],
+    ) -> TreeBend:
+        """Refine by name.
+
+        Args:
+            arm: Where it begins, at the minimum of its lines.
+            rig: Where the cameras begin.
+            free: Names of what is estimated.
+            before: The solution by lines.
+            values: At which the user holds some.
+
+        Raises:
+            NotConvergedError: If cameras that cannot be come out.
         """
-        if noise is not None:
-            self._weigh(noise)
-        return self.program.solve(max_iterations=30, tolerance=1e-6).x
+        poses = before.problem.poses
+        problem = self.named(arm, rig, free, before.solution.noise, poses)
+        parameters = problem.residuals.parameters
+        assert isinstance(parameters, ArmParameters)
+        x = parameters.start
+        for name, value in values.items():
+            x[parameters.index[name]] = value
+        if values:
+            return TreeBend(problem, self._refined(problem, x, None))
+        with _plausible_cameras():
+            return TreeBend(problem, problem.solve_from(replace(before.solution, values=x)))
 
-    def _weigh(self, noise: HandNoise) -> None:
-        """Weigh hand and corners by their variances, where the program stands."""
-        x = self.program.start
-        slopes = self.hand.by_angle(x[: self._end])
-        self.hand.whiten(noise.whitening(slopes, self.observations.seen))
-        if self.boards is not None:
-            self.boards.sigma = self._corner_sigma(x)
+    def as_if_joints_erred(self, found: TreeBend) -> TreeNoise:
+        """Return the noise that a solution's residuals ask for, did joints have any."""
+        problem = found.problem
+        seen = problem.observations
+        residuals = TreeResiduals(seen, problem.residuals.parameters, problem.poses)
+        free = frozenset(problem.free_names)
+        return TreeProblem(residuals, free, {}).noise_at(found.solution)
 
-    def _noise(self, found: RobustSolution) -> HandNoise:
-        """Return the most likely variances of the inlier rows."""
-        x = found.solution.x[: self._end]
-        pixels = self.hand.project(x)[0].T
-        keep = ~found.outliers
-        seen = self.observations.seen[keep]
-        residuals = np.where(seen, self.observations.pixels[keep] - pixels[keep], 0.0)
-        slopes = self.hand.by_angle(x)
-        return HandNoise.most_likely(residuals, slopes[keep], seen, self._fitted(found)[keep])
+    def _refined(
+        self, problem: TreeProblem, values: NDArray, before: TreeSolution | None
+    ) -> TreeSolution:
+        with _plausible_cameras():
+            if before is None:
+                return problem.refine(problem.rough(values)[0], trim=self.trim)
+            more = len(self.seen.data.observations) - len(before.outliers)
+            outliers = np.append(before.outliers, np.zeros(more, dtype=bool))
+            return problem.refine(values, outliers, trim=self.trim)
 
-    def _fitted(self, found: RobustSolution) -> NDArray:
-        """Return what the fit itself makes the predicted pixels uncertain by [px^2]. (N, 4, 4)."""
-        x, keep = found.solution.x, ~found.outliers
-        spreads = self.program.prediction_covariances(self._hand_number, x)
-        assert spreads is not None
-        r = self.program.residuals(self._hand_number, x)[:, keep]
-        taken = float(np.trace(spreads[keep], axis1=1, axis2=2).sum())
-        left = max(float(self.observations.seen[keep].sum()) - taken, 1.0)
-        root = np.linalg.pinv(self.hand.whitening)
-        return float(np.sum(r * r)) / left * (root @ spreads @ np.swapaxes(root, 1, 2))
+    def _blank(self, rig: StereoRig) -> BodyTree:
+        return blank_body(self.seen.data, dict(zip(SIDES, rig.cameras, strict=True)))
 
-    def _board_poses(self, x: NDArray) -> NDArray:
-        assert self.boards is not None
-        return self.boards.board_poses(x[self._split :])
 
-    def _corner_sigma(self, x: NDArray) -> float:
-        """Return the spread of the corners about the boards, each board's pose discounted [px]."""
-        assert self.boards is not None
-        r = self.boards.sigma * self.program.residuals(self._board_number, x)
-        redundancy = 2 * int(self.boards.views.seen.sum()) - 6 * len(self.boards.views)
-        return max(float(np.sqrt(np.sum(r * r) / max(redundancy, 1))), 1e-3)
+@contextmanager
+def _plausible_cameras() -> Iterator[None]:
+    """Refuse cameras that have become what cannot be.
+
+    Raises:
+        NotConvergedError: If they have.
+    """
+    try:
+        yield
+    except ValueError as error:
+        raise NotConvergedError(f"no plausible cameras fit the hand: {error}") from error
+
+
+def arm_and_cameras(found: TreeBend) -> tuple[DhParameters, StereoRig]:
+    """Return what a solution by name has learned."""
+    parameters, values = found.problem.residuals.parameters, found.solution.values
+    assert isinstance(parameters, ArmParameters)
+    return replace(parameters.arm_of(values), turn=None), parameters.rig_of(values)
+
+
+def lines_of_tree(tree: BodyTree, zero: NDArray, markers: tuple[str, ...]) -> ArmEstimate:
+    """Return a tree without branches as lines.
+
+    Args:
+        tree: An arm, its markers the first of all.
+        zero: Encoder angles at which its lines are told [rad]. Shape (n,).
+        markers: Names of its tracked points.
+    """
+    n, count = len(zero), len(tree.joints)
+    readings = np.pad(zero, (0, count - n))[None]
+    motion = TreeMotion.at(tree, readings, np.tile(np.eye(4), (1, count, 1, 1)))
+    p = np.stack([motion.pose_of(marker)[1][:, 0] for marker in tree.markers[: len(markers)]])
+    axes, points = motion.R_WJ[:n, :, 2, 0], motion.p_WJ[:n, :, 0]
+    return ArmEstimate(Chain(tree.joints[:n], axes, points, markers, p), tree.gear[:n], zero)
+
+
+def outlier_rows(seen: SeenBody, found: TreeBend) -> NDArray:
+    """Return which rows of the hand neither the body nor its noise explains. Boolean, shape (N,).
+
+    Of poses in which a joint was read wrongly they are those that are farther off than
+    r' S^-1 r of outliers, S with the noise of all joints.
+    """
+    solution, table = found.solution, seen.data.observations
+    out = np.zeros(len(seen.pixels), dtype=bool)
+    out[seen.row[solution.outliers & (seen.row >= 0)]] = True
+    by_visit = np.asarray(solution.slipped.any(axis=1))
+    slipped = by_visit[seen.data.visit[table.pose]] & (seen.row >= 0)
+    rows = np.unique(seen.row[slipped])
+    if len(rows):
+        arm, rig = arm_and_cameras(found)
+        own = seen.pixels.select(rows)
+        block = HandPixels(own, DhArm(own.arm, arm), lens=rig.lens)
+        x = np.concatenate([arm.values, rig.values])
+        block.whiten(seen.noise_of(solution.noise).whitening(block.by_angle(x), own.seen))
+        distance = np.sum(block.evaluate(x)[0] ** 2, axis=0)
+        limit = [as_rare_as(OUTLIER_AT**2, 3, k) for k in own.seen.sum(axis=1).tolist()]
+        out[rows] |= distance > np.array(limit)
+    return out

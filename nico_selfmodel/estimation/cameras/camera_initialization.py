@@ -206,18 +206,32 @@ def pose_of_seen_boards(cameras: tuple[Camera, ...], views: BoardViews) -> NDArr
         pixels = views.of_camera(side)
         d = camera.directions(pixels.reshape(-1, 2)).reshape(*pixels.shape[:2], 3)
         rows = np.flatnonzero(np.isfinite(d).all(axis=2).sum(axis=1) >= 4)
-        # Seen along its middle, a board beside or behind the camera is as good as any before it.
-        middle = np.nanmean(d[rows], axis=1)
-        turn = _towards(middle)
-        seen = d[rows] @ np.swapaxes(turn, 1, 2)
-        ahead = seen[:, :, 2:] > _AHEAD
-        ideal = np.where(ahead, seen[:, :, :2] / np.where(ahead, seen[:, :, 2:], 1.0), np.nan)
-        maps = _homographies(views.p_GQ[:, :2], ideal)
-        back = transform(np.swapaxes(turn, 1, 2), np.zeros((len(rows), 3)))
-        X_LG[rows] = camera.X_WC @ back @ board_poses(maps, 1.0, 1.0)
+        X_LG[rows] = camera.X_WC @ flat_boards(views.p_GQ[:, :2], d[rows])
     if not np.isfinite(X_LG).all():
         raise EstimationError("a board was seen by neither camera, or beyond the fold of its lens")
     return X_LG
+
+
+def flat_boards(plane: NDArray, directions: NDArray) -> NDArray:
+    """Place flat boards before a camera, wherever it looks.
+
+    Args:
+        plane: Corners in the board's plane [m]. Shape (C, 2).
+        directions: Unit directions in which each is seen, nan where it is not. Shape (V, C, 3).
+
+    Returns:
+        X_CG. Shape (V, 4, 4).
+
+    Raises:
+        ValueError: If of a board too few corners, or such on one line, are seen.
+    """
+    # Seen along its middle, a board beside or behind the camera is as good as any before it.
+    turn = _towards(np.nanmean(directions, axis=1))
+    seen = directions @ np.swapaxes(turn, 1, 2)
+    ahead = seen[:, :, 2:] > _AHEAD
+    ideal = np.where(ahead, seen[:, :, :2] / np.where(ahead, seen[:, :, 2:], 1.0), np.nan)
+    back = transform(np.swapaxes(turn, 1, 2), np.zeros((len(turn), 3)))
+    return np.asarray(back @ board_poses(_homographies(plane, ideal), 1.0, 1.0))
 
 
 def _towards(directions: NDArray) -> NDArray:

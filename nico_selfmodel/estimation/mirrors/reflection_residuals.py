@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Reflections
+from nico_selfmodel.estimation.noise import hand_noise
 from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.rotation import rotation_vector_of, rotation_vector_slope
 from nico_selfmodel.model.cameras.mirror import Mirror, plane_of_values
@@ -145,10 +146,7 @@ def whitening_of(reflections: Reflections, x: NDArray, noise: ReflectionNoise) -
     factor = shared_factor(reflections, x, by_point)
     if factor is not None:
         covariance = covariance + factor @ np.swapaxes(factor, 1, 2)
-    seen = reflections.seen[:, :, None] & reflections.seen[:, None, :]
-    # What was not seen gets a variance of its own that nothing is correlated with.
-    covariance = np.where(seen, covariance, np.eye(covariance.shape[1]))
-    return np.linalg.inv(np.linalg.cholesky(covariance)) * seen
+    return hand_noise.whitening_of(covariance, reflections.seen)
 
 
 def _by_cameras(reflections: Reflections, x: NDArray) -> dict[str, NDArray]:

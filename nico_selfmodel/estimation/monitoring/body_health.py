@@ -13,7 +13,8 @@ from nico_selfmodel.estimation.monitoring.diagnosis import ranked_causes
 from nico_selfmodel.estimation.monitoring.health import HealthReport, in_turn, watched
 from nico_selfmodel.estimation.noise.hand_observations import laid_out
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
-from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeLinear, TreeResiduals
+from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_errors import told_as
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters

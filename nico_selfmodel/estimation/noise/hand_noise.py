@@ -10,12 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-_RATIOS = np.logspace(-10.0, 4.0, 57)
-"""Grid of (sq / ss)^2 [rad^2 / px^2] on which the likelihood is searched first."""
-_FLOOR = 1e-6
-"""Least noise of a sensor: exact data must still be weighed [px or m]."""
-_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
-
 
 @dataclass(frozen=True)
 class HandNoise:
@@ -49,41 +43,6 @@ class HandNoise:
         """
         return whitening_of(self.covariance(by_angle), seen)
 
-    @classmethod
-    def most_likely(
-        cls,
-        residuals: NDArray,
-        by_angle: NDArray,
-        seen: NDArray,
-        fitted: NDArray | None = None,
-    ) -> "HandNoise":
-        """Estimate both standard deviations by maximum likelihood.
-
-        With S / ss^2 = I + t A A' diagonal in the eigenvectors of A A', ss^2 follows in closed
-        form from the ratio t = (sq / ss)^2, which alone is searched.
-
-        Args:
-            residuals: Measured minus predicted coordinates. Shape (N, k).
-            by_angle: Their derivatives by the joint angles. Shape (N, k, n).
-            seen: Which coordinates were measured. Shape (N, k).
-            fitted: Covariance of what the prediction itself is uncertain by, where it was fitted to
-                these residuals and took as much out of them. With it the likelihood is that of what
-                no fit could take (Patterson, Thompson 1971). Shape (N, k, k).
-
-        Returns:
-            The most likely noise; a joint sigma of zero where the data show no play.
-
-        Raises:
-            ValueError: If nothing was seen.
-        """
-        lever, squared = _principal(residuals, by_angle, seen, fitted)
-        if not len(lever):
-            raise ValueError("no observation, no noise: at least one row must be seen")
-        ratio = _best_ratio(lever, squared)
-        sensor_sigma = float(np.sqrt(np.mean(squared / (1.0 + ratio * lever))))
-        sensor_sigma = max(sensor_sigma, _FLOOR)
-        return cls(sensor_sigma, float(np.sqrt(ratio)) * sensor_sigma)
-
     def sigmas(self, by_angle: NDArray, seen: NDArray) -> tuple[float, float]:
         """Return how surely observations like these tell both standard deviations (Fisher, Rao).
 
@@ -94,7 +53,11 @@ class HandNoise:
         Returns:
             Standard deviation of `sensor_sigma` and of `joint_sigma`; inf where nothing tells.
         """
-        lever, _ = _principal(np.zeros(seen.shape), by_angle, seen, None)
+        there = by_angle * seen[:, :, None]
+        values = np.linalg.eigvalsh(there @ np.swapaxes(there, 1, 2))
+        # As many as were seen: coordinates that were not have eigenvalues of zero, the least.
+        told = np.arange(seen.shape[1]) >= (~seen).sum(axis=1)[:, None]
+        lever = np.maximum(values[told], 0.0)
         variance = self.sensor_sigma**2 + self.joint_sigma**2 * lever
         slopes = 2.0 * np.stack([self.sensor_sigma / variance, self.joint_sigma * lever / variance])
         information = 0.5 * slopes @ slopes.T
@@ -103,13 +66,6 @@ class HandNoise:
             return float(alone**-0.5) if alone > 0.0 else np.inf, np.inf
         first, second = np.sqrt(np.diag(np.linalg.inv(information))).tolist()
         return first, second
-
-    def close_to(self, other: "HandNoise", tolerance: float = 0.01) -> bool:
-        """Return whether both sigmas agree within a relative tolerance."""
-        mine, theirs = (
-            np.array([noise.sensor_sigma, noise.joint_sigma]) for noise in (self, other)
-        )
-        return bool(np.all(np.abs(mine - theirs) <= tolerance * np.maximum(mine, theirs)))
 
 
 def noise_covariance(
@@ -149,50 +105,3 @@ def whitening_of(covariance: NDArray, seen: NDArray) -> NDArray:
         values, vectors = np.linalg.eigh(whole)
         values = np.maximum(values, np.finfo(float).eps * values[:, -1:])
         return (vectors / np.sqrt(values)[:, None, :]) @ np.swapaxes(vectors, 1, 2) * both
-
-
-def _principal(
-    residuals: NDArray, by_angle: NDArray, seen: NDArray, fitted: NDArray | None
-) -> tuple[NDArray, NDArray]:
-    """Return eigenvalues of A A' and squared residuals along their eigenvectors, as (k,) each.
-
-    What a fit took out of the squares is put back.
-    """
-    levers, squares = [], []
-    for pattern in np.unique(seen, axis=0):
-        rows = (seen == pattern).all(axis=1)
-        if not pattern.any():
-            continue
-        a = by_angle[rows][:, pattern]
-        values, vectors = np.linalg.eigh(a @ np.swapaxes(a, 1, 2))
-        along = np.einsum("nij,ni->nj", vectors, residuals[rows][:, pattern])
-        square = along**2
-        if fitted is not None:
-            own = fitted[np.ix_(rows, pattern, pattern)]
-            square += np.einsum("nij,nik,nkj->nj", vectors, own, vectors)
-        levers.append(np.maximum(values, 0.0).ravel())
-        squares.append(square.ravel())
-    if not levers:
-        return np.zeros(0), np.zeros(0)
-    return np.concatenate(levers), np.concatenate(squares)
-
-
-def _best_ratio(lever: NDArray, squared: NDArray) -> float:
-    """Return the most likely (sq / ss)^2: a grid, then golden sections of its logarithm."""
-
-    def surprise(ratio: float) -> float:
-        spread = 1.0 + ratio * lever
-        return float(len(lever) * np.log(np.mean(squared / spread)) + np.log(spread).sum())
-
-    values = np.array([surprise(ratio) for ratio in _RATIOS])
-    best = int(np.argmin(values))
-    if best == 0:
-        return 0.0
-    low, high = np.log(_RATIOS[best - 1]), np.log(_RATIOS[min(best + 1, len(_RATIOS) - 1)])
-    while high - low > 1e-4:
-        left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-        if surprise(float(np.exp(left))) < surprise(float(np.exp(right))):
-            high = right
-        else:
-            low = left
-    return float(np.exp(0.5 * (low + high)))

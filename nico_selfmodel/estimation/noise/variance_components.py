@@ -38,6 +38,8 @@ class LinearResiduals:
     information: NDArray | None = None
     """Inverse variances of what is known of the parameters beforehand, where `r` is about their
     means; fitting takes less from the residuals then. Shape (P,)."""
+    taken: NDArray | None = None
+    """Freedoms of each sensor's coordinates that something took before. Shape (G,)."""
 
     @property
     def by_row(self) -> NDArray:
@@ -112,6 +114,8 @@ class VarianceSearch:
         """Sensor of each coordinate by pose, -1 where there is none. Shape (poses, K)."""
         self._own = self._grouped[:, :, None] == np.arange(len(sensor_held))
         self._counts = self._own.sum(axis=(0, 1))
+        if residuals.taken is not None:
+            self._counts = self._counts - residuals.taken
         self._given = np.ones(len(sensor_held))
 
     def run(self, sensor: NDArray, joint: NDArray) -> Variances:
@@ -137,7 +141,9 @@ class VarianceSearch:
             free = ((x > self.floor) | (score > 0.0)) & ~held
             step = np.zeros(len(x))
             inside = information[np.ix_(free, free)]
-            ridge = 1e-6 * np.trace(inside) * np.eye(len(inside))
+            # Exact data tell nothing of a variance but which way it goes.
+            least = max(1e-6 * np.trace(inside), np.finfo(float).tiny)
+            ridge = least * np.eye(len(inside))
             step[free] = np.linalg.solve(inside + ridge, score[free])
             moved = x + np.clip(step, -_LARGEST_STEP, _LARGEST_STEP)
             moved = np.where(held, x, np.maximum(moved, self.floor))

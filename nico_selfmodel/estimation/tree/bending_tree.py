@@ -16,6 +16,7 @@ from nico_selfmodel.estimation.bending.asked_poses import (
 )
 from nico_selfmodel.estimation.bending.bending_arm import SURE
 from nico_selfmodel.estimation.bending.steps import from_both_sides
+from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
@@ -108,7 +109,7 @@ class BendingTree:
     @property
     def _seeing(self) -> list[SensorRows]:
         """What tells where something is, in space rather than in images."""
-        rows = [rows for rows in self.seen.sensors if rows.kind in PLACES]
+        rows = [one for one in self.seen.sensors if one.kind in PLACES and not one.apart]
         return sorted(rows, key=lambda one: one.kind == CAMERA)
 
     @property
@@ -188,7 +189,9 @@ class BendingTree:
     ) -> "WeighedTree":
         """Linearise about a body."""
         outliers = self.solution.solution.outliers if self.outliers is None else self.outliers
-        linear = TreeResiduals(self.seen, posture.parameters).linear(posture.values)
+        linear = self._residuals(posture).linear(posture.values)
+        apart = PosesApart.of(self.seen, ~outliers[self.seen.row])
+        linear = apart.eliminated(linear, noise.sensor[self.seen.noise_group])
         rows = np.concatenate([one.rows for one in self._seeing])
         rows = np.sort(rows[~outliers[rows]])
         return WeighedTree(
@@ -197,6 +200,12 @@ class BendingTree:
             self.solution.problem.priors,
             self._size_of_rows()[rows],
         )
+
+    def _residuals(self, posture: TreePosture) -> TreeResiduals:
+        known = self.solution.problem.residuals
+        if self.seen is known.observations:
+            return known.about(posture.parameters)
+        return TreeResiduals(self.seen, posture.parameters)
 
     def _pose_of_rows(self) -> NDArray:
         """Return the pose of each row of the table; -1 of what is in no pose. Shape (N,)."""
@@ -250,13 +259,14 @@ class BendingTree:
 
     def _thinned(self) -> NDArray:
         """Return as many samples, of whole poses drawn at random, as tell an effect. (P,)."""
-        pose, of_rows = self.seen.data.pose, self._pose_of_rows()
+        pose, rows = self.seen.data.pose, np.concatenate([one.rows for one in self._seeing])
+        of_rows = self._pose_of_rows()[rows]
         drawn = drawn_poses(of_rows[of_rows != ANY_POSE], self.seed)
         return np.isin(pose, drawn) | ~np.isin(pose, of_rows)
 
     def _distances(self, posture: TreePosture) -> NDArray:
         """Return the error of each row, alike for all sensors; nan where it is none. (N,)."""
-        r = TreeResiduals(self.seen, posture.parameters).residuals(posture.values)
+        r = self._residuals(posture).residuals(posture.values)
         return lengths(self.seen, r) * self._size_of_rows()
 
     def bent(
@@ -264,7 +274,7 @@ class BendingTree:
     ) -> TreeBend:
         """Return the solution of all observations, outliers looked for anew."""
         rigid = self.solution
-        residuals = TreeResiduals(rigid.problem.observations, posture.parameters)
+        residuals = rigid.problem.residuals.about(posture.parameters)
         both = {**rigid.problem.priors, **priors}
         problem = TreeProblem(residuals, frozenset(free), both, noise)
         return TreeBend(problem, problem.refine(posture.values, self.aside))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, WARNING
 from nico_selfmodel.estimation.results.verdict import outliers_are_many
-from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeLinear
+from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
@@ -21,7 +21,7 @@ from nico_selfmodel.optimization.chi_square import chi_square_tail
 
 LENS_PARTS = ("fx", "fy", "cx", "cy")
 """Numbers of a lens that are asked for."""
-_TOLD = 1e-4
+_TOLD = 1e-3
 """Share of a column that must be left beside what was free for it to be told apart."""
 _CHANCE = 1e-6
 """How often noise alone may contradict what is held."""
@@ -58,7 +58,7 @@ def read_wrongly(
     found = {}
     for j, (i, _) in enumerate(seen.noisy_joints):
         visits = np.unique(seen.visit[linear.by_joint[:, j] != 0.0])
-        slipped = solution.slipped[visits, j]
+        slipped = solution.slipped[visits[visits < len(solution.slipped)], j]
         if not seen.unread[j] and slipped.sum() > 1 and outliers_are_many(slipped) is not None:
             found.setdefault(seen.data.joints[i].name, (int(slipped.sum()), len(slipped)))
     return found
@@ -122,12 +122,13 @@ def _by_lengths(seen: TreeObservations, linear: TreeLinear) -> dict[str, NDArray
     By what is predicted: where the sensor itself tells how large the body is, the body's size does
     the same to all of it, and nothing is left of the column.
     """
+    all_left = linear.r if linear.pulled is None else linear.r + linear.pulled
     found = {}
     for rows in seen.sensors:
         if rows.kind != CAMERA:
             column = np.zeros((seen.scalars, 1))
             own = column[rows.scalars].reshape(rows.measured.shape)
-            left = linear.r[rows.scalars].reshape(rows.measured.shape)
+            left = all_left[rows.scalars].reshape(rows.measured.shape)
             lengths = 1 if rows.kind == DISTANCE else 3
             own[:, :lengths] = (rows.measured + left)[:, :lengths]
             found[seen.data.sensors[rows.sensor].name] = column

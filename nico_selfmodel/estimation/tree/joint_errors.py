@@ -19,6 +19,11 @@ from nico_selfmodel.estimation.noise.pose_noise import FREE_SIGMA, PoseWhitening
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.model.tree.body_tree import WHOLE_POSES
 
+_LARGEST = 0.2
+"""Standard deviation of a joint [rad or m] from which on it is no noise: where little tells of a
+joint that is read wrongly, where it is put is no better a place to be linear about than the
+reading."""
+
 
 def joint_errors(
     observations: TreeObservations, whitening: PoseWhitening, r: NDArray, loose: NDArray | None
@@ -40,6 +45,7 @@ def joint_errors(
     if loose is not None:
         sigma[:-1] = np.where(loose, FREE_SIGMA, known)
     by_visit = whitening.joint_errors(-r[:, None])[0] * sigma
+    by_visit[sigma > _LARGEST] = 0.0
     joints = observations.data.joints
     whole = [joints[i].motion in WHOLE_POSES for i, _ in observations.noisy_joints]
     by_visit[:, whole] = 0.0

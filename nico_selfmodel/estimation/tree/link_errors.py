@@ -65,7 +65,7 @@ def _expected(found: TreeCalibration, errors: TreeErrors) -> NDArray:
     for rows in observations.sensors:
         if rows.kind != CAMERA:
             continue
-        own = sensors.get(observations.data.sensors[rows.sensor].name, 0.0)
+        own = sensors.get(observations.noise_groups[observations.noise_group[rows.first]], 0.0)
         A = linear.by_joint[rows.scalars].reshape(len(rows.rows), 2, -1) * sigma
         S = A @ np.swapaxes(A, 1, 2) + own**2 * np.eye(2)
         out[rows.rows] = mean_length(S)

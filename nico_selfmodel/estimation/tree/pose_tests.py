@@ -39,8 +39,7 @@ def slipped_joints(whitening: PoseWhitening, r: NDArray, J: NDArray, prior: NDAr
     c = np.einsum("gkm,gkm->gm", SiA, A)
     along = np.swapaxes(SiA, 1, 2) @ Jg
     taken = np.sum((along @ C) * along, axis=2)
-    t = (e**2 + taken) / np.maximum(c, 1e-300)
-    t[c < 1e-9] = 0.0
+    t = np.where(c < 1e-9, 0.0, (e**2 + taken) / np.maximum(c, 1e-9))
     out = np.zeros(t.shape, dtype=bool)
     worst = np.argmax(t, axis=1)
     visits = np.arange(len(t))
@@ -56,6 +55,7 @@ def far_observations(
     by_joint: NDArray,
     prior: NDArray,
     outliers: NDArray,
+    took: NDArray | None = None,
 ) -> NDArray:
     """Return observations that neither the body nor the rest of their pose explains.
 
@@ -71,6 +71,7 @@ def far_observations(
         by_joint: Derivatives by the joints' errors in their own sigmas. Shape (R, m).
         prior: Information of the priors on their diagonal. Shape (p,).
         outliers: Those that do not count, by row of the table. Shape (N,).
+        took: See `TreeLinear`.
 
     Returns:
         Boolean, by row of the table. Shape (N,).
@@ -92,6 +93,8 @@ def far_observations(
         distance = np.empty(len(at))
         e, SiJ = solved[at, 0], solved[at, 1:]
         left = np.eye(k) * (1.0 + 1e-3) - across - SiJ @ C @ np.swapaxes(SiJ, 1, 2)
+        if took is not None:
+            left = left - took[at] @ np.swapaxes(took[at], 1, 2)
         distance[~known] = _squares(left[~known], e[~known])
         rest = r[at] + np.einsum("nkm,nm->nk", B, shift[visit[at[:, 0]]])
         V = np.eye(k) + across + J[at] @ C @ np.swapaxes(J[at], 1, 2)
@@ -101,7 +104,7 @@ def far_observations(
     new = np.flatnonzero(found & ~outliers)
     worst = new[np.argsort(-ratio[new], kind="stable")]
     of_row = np.full(len(outliers), -1)
-    of_row[observations.row] = observations.visit
+    of_row[observations.row] = observations.sample_visit
     first = np.unique(of_row[worst], return_index=True)[1]
     found[new] = False
     found[worst[first]] = True

@@ -376,20 +376,20 @@ def _as_described(problem: TreeProblem, solution: TreeSolution, seen: BodyDatase
         solution: Where it ended.
         seen: The recording that is predicted.
     """
-    parameters = problem.residuals.parameters
+    parameters = problem.residuals.parameters.layout
     values = solution.values.copy()
     values[: 6 * len(parameters.base.joints)] = 0.0
     values[parameters.bends] = 0.0
     held = parameters.of_joint_frames | set(parameters.names[parameters.bends])
     free = frozenset(problem.free_names) - held
-    residuals = problem.residuals.about(None)
+    residuals = problem.residuals.erring(None)
     placed = TreeProblem(residuals, free, {}).rough(values)[0]
     return errors_of(parameters.tree_of(placed), seen)
 
 
 def _uncertainty(problem: TreeProblem, solution: TreeSolution) -> Uncertainty:
     """Return the covariance of what was free; a scale that nothing tells is named."""
-    parameters, values = problem.residuals.parameters, solution.values
+    parameters, values = problem.residuals.parameters.layout, solution.values
     data = problem.observations.data
     count, names = len(solution.whitened), problem.free_names
     squares = (

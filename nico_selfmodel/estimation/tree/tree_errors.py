@@ -1,5 +1,6 @@
 """What a body leaves of a recording: residuals by observation, of what it learned and of more."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -137,8 +138,6 @@ def cross_validated(
 ) -> TreeErrors | None:
     """Return residuals of inliers by bodies learned without their fold of poses.
 
-    One Gauss-Newton step from the solution, by the whitened rows that are left: the rest is small.
-
     Args:
         problem: What was solved.
         solution: Where it ended.
@@ -149,22 +148,40 @@ def cross_validated(
     """
     observations = residuals.observations
     pose = observations.pose
-    keep = ~solution.outliers[observations.row]
-    rows = solution.whitened[: int(keep.sum())]
-    prior = solution.whitened[int(keep.sum()) :]
     if len(np.unique(pose)) < 2 * FOLDS:
         return None
     out = residuals.residuals(solution.values)
-    white = solution.rest
-    fold = fold_of(pose)
+    for left, values in without_folds(problem, solution, fold_of(pose)):
+        out[left] = residuals.residuals(values)[left]
+    out[solution.outliers[observations.row]] = np.nan
+    return TreeErrors(observations, out)
+
+
+def without_folds(
+    problem: TreeProblem, solution: TreeSolution, fold: NDArray
+) -> Iterator[tuple[NDArray, NDArray]]:
+    """Yield what is left out, and the values that were learned without it.
+
+    One Gauss-Newton step from the solution, by the whitened rows that are left: the rest is small.
+
+    Args:
+        problem: What was solved.
+        solution: Where it ended.
+        fold: Of each scalar, -1 of what is never left out. Shape (R,).
+
+    Yields:
+        Scalars, boolean, shape (R,), and all values, shape (P,).
+    """
+    keep = ~solution.outliers[problem.observations.row]
+    count = int(keep.sum())
+    rows, prior = solution.whitened[:count], solution.whitened[count:]
+    white, pull = solution.rest[:count], solution.rest[count:]
     for learn, left in splits(fold):
         mine = learn[keep]
         H = rows[mine].T @ rows[mine] + prior.T @ prior
-        g = rows[mine].T @ white[: len(rows)][mine] + prior.T @ white[len(rows) :]
+        g = rows[mine].T @ white[mine] + prior.T @ pull
         unit = np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
         step = -np.linalg.lstsq(H / np.outer(unit, unit), g / unit, rcond=1e-11)[0] / unit
         values = solution.values.copy()
         values[problem.columns] += step
-        out[left] = residuals.residuals(values)[left]
-    out[~keep] = np.nan
-    return TreeErrors(observations, out)
+        yield left, values

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
+from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
 from nico_selfmodel.dataset.body.sensors import (
     CAMERA,
     DISTANCE,
@@ -17,6 +18,7 @@ from nico_selfmodel.dataset.body.sensors import (
     POSES,
     SENSOR_COLUMNS,
 )
+from nico_selfmodel.estimation.noise.pose_noise import PoseGroups
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import FREE, WHOLE_POSES
 
@@ -46,6 +48,8 @@ class SensorRows:
     """Where its scalars begin among all."""
     mirror: str = ""
     """Mirror in which they were seen; empty where directly."""
+    apart: bool = False
+    """Whether no joint moves them: of what moves freely, by a sensor that stands in the world."""
 
     @property
     def scalars(self) -> slice:
@@ -72,15 +76,18 @@ class TreeObservations:
         """
         table, found, first = data.observations, [], 0
         chosen = np.ones(len(table), dtype=bool) if keep is None else keep
-        for s, mirror in product(range(len(data.sensors)), ("", *data.mirrors)):
-            rows = np.flatnonzero((table.sensor == s) & (table.mirror == mirror) & chosen)
+        alone = _apart(data)
+        kinds = product(range(len(data.sensors)), ("", *data.mirrors), (False, True))
+        for s, mirror, apart in kinds:
+            own = (table.sensor == s) & (table.mirror == mirror) & (alone == apart) & chosen
+            rows = np.flatnonzero(own)
             if not len(rows):
                 continue
             kind = data.sensors[s].kind
             pose = np.where(table.pose[rows] == ANY_POSE, 0, table.pose[rows])
             seen = pose, table.marker[rows], table.other[rows]
             measured = table.values[rows, : len(SENSOR_COLUMNS[kind])]
-            found.append(SensorRows(s, kind, rows, *seen, measured, first, mirror))
+            found.append(SensorRows(s, kind, rows, *seen, measured, first, mirror, apart))
             first += measured.size
         return cls(data, tuple(found))
 
@@ -107,7 +114,19 @@ class TreeObservations:
 
     @cached_property
     def visit(self) -> NDArray:
-        """Visit of each scalar; what is the same in all samples has one of its own. Shape (R,)."""
+        """Visit of each scalar. Shape (R,).
+
+        What no joint moves is dealt out to visits of its own, last, no larger than others: its rows
+        have nothing to do with each other.
+        """
+        shared, apart = self.sample_visit, self.apart
+        most = max(int(np.bincount(shared[~apart], minlength=1).max()), 6)
+        dealt = shared.max() + 1 + np.cumsum(apart) // most
+        return np.where(apart, dealt, shared)
+
+    @cached_property
+    def sample_visit(self) -> NDArray:
+        """Visit of each scalar's sample; what is the same in all has its own. Shape (R,)."""
         table = self.data.observations
         of_row = np.append(self.data.visit, ANY_POSE)[table.pose]
         alone = of_row == ANY_POSE
@@ -115,27 +134,52 @@ class TreeObservations:
         return of_row[self.row]
 
     @cached_property
+    def visits(self) -> int:
+        """How many visits of samples there are."""
+        return int(self.sample_visit.max()) + 1
+
+    @cached_property
     def pose(self) -> NDArray:
-        """Pose of each scalar, like `visit`. Shape (R,)."""
+        """Pose of each scalar; what is the same in all has one of its own. Shape (R,)."""
         table = self.data.observations
         of_row = np.append(self.data.pose, ANY_POSE)[table.pose]
         alone = of_row == ANY_POSE
         return np.where(alone, self.data.pose.max() + 1 + np.cumsum(alone), of_row)[self.row]
 
-    @cached_property
-    def noise_groups(self) -> tuple[str, ...]:
-        """Names of what has a standard deviation of its own: sensors, and their orientations."""
-        return tuple(name for rows in self._by_sensor for name in self._noises(rows))
+    def groups(self, outliers: NDArray) -> PoseGroups:
+        """Return what belongs to one visit. Outliers by row of the table, boolean, shape (N,)."""
+        place = np.where(self.apart, self.pose.max() + 1 + self.visit, self.pose)
+        return PoseGroups(self.visit, ~outliers[self.row], 1, place)
 
     @cached_property
-    def _by_sensor(self) -> tuple[SensorRows, ...]:
-        """One entry of each sensor: what it sees in mirrors has the noise of the rest."""
-        return tuple({rows.sensor: rows for rows in reversed(self.sensors)}.values())[::-1]
+    def noise_groups(self) -> tuple[str, ...]:
+        """Names of what has a standard deviation of its own: sensors, and their orientations.
+
+        What no joint moves has one of its own where the sensor sees more: corners of boards are
+        found otherwise than markers.
+        """
+        return tuple(self._first_of_noise)
+
+    @cached_property
+    def _first_of_noise(self) -> dict[str, tuple[SensorRows, int]]:
+        """Rows that have each noise first, and its place among theirs; in mirrors as directly."""
+        found: dict[str, tuple[SensorRows, int]] = {}
+        for rows in self.sensors:
+            for i, name in enumerate(self._noises(rows)):
+                found.setdefault(name, (rows, i))
+        return found
 
     def _noises(self, rows: SensorRows) -> tuple[str, ...]:
         """Return the names of what has a standard deviation of its own in some rows."""
-        name = self.data.sensors[rows.sensor].name
+        info = self.data.sensors[rows.sensor]
+        name = info.noise or info.name
+        if rows.apart and not self._all_apart:
+            name += " boards"
         return (name, f"{name} orientation") if rows.kind == POSES else (name,)
+
+    @cached_property
+    def _all_apart(self) -> bool:
+        return all(rows.apart for rows in self.sensors)
 
     @cached_property
     def noise_group(self) -> NDArray:
@@ -150,23 +194,22 @@ class TreeObservations:
     @cached_property
     def stated_sigma(self) -> NDArray:
         """Standard deviation of each noise group as stated, or as first taken. Shape (G,)."""
-        out: list[float] = []
-        for rows in self._by_sensor:
+        out = []
+        for rows, part in self._first_of_noise.values():
             info = self.data.sensors[rows.sensor]
-            out.append(info.sigma or FIRST_SIGMA[info.kind])
-            out += [info.turn_sigma or FIRST_TURN_SIGMA] if rows.kind == POSES else []
+            turn = info.turn_sigma or FIRST_TURN_SIGMA
+            out.append(turn if part else info.sigma or FIRST_SIGMA[info.kind])
         return np.array(out)
 
     @cached_property
     def sigma_held(self) -> NDArray:
         """Which noise groups keep what is stated: few distances tell no sigma. Shape (G,)."""
-        return np.array(
-            [
-                self.data.sensors[rows.sensor].kind == DISTANCE
-                for rows in self._by_sensor
-                for _ in self._noises(rows)
-            ]
-        )
+        return np.array([rows.kind == DISTANCE for rows, _ in self._first_of_noise.values()])
+
+    @cached_property
+    def apart(self) -> NDArray:
+        """Which scalars no joint moves, see `SensorRows.apart`. Boolean, shape (R,)."""
+        return np.concatenate([np.full(rows.measured.size, rows.apart) for rows in self.sensors])
 
     @cached_property
     def noisy_joints(self) -> tuple[tuple[int, int], ...]:
@@ -223,3 +266,15 @@ class TreeObservations:
     def per_row(self, values: NDArray) -> NDArray:
         """Return sums of values of scalars by row of the table. Shape (R,) -> (N,)."""
         return np.bincount(self.row, values, minlength=len(self.data.observations))
+
+
+def _apart(data: BodyDataset) -> NDArray:
+    """Return which observations no joint moves. Boolean, by row of the table, shape (N,).
+
+    What moves freely is apart in a sample where all that saw it there stand in the world.
+    """
+    table = data.observations
+    stands = np.array([sensor.on == WORLD_NAME for sensor in data.sensors])[table.sensor]
+    free = np.isin(data.seen_on, data.free_joints) & (table.other < 0)
+    of = table.pose * (len(data.joints) + 1) + data.seen_on
+    return np.asarray(free & ~np.isin(of, of[free & ~stands]))

@@ -9,6 +9,7 @@ the left Jacobian, makes every derivative exact wherever the solver stands.
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,65 @@ _LINE = {REVOLUTE: ("rx", "ry", "x", "y"), PRISMATIC: ("rx", "ry"), FLANGE: (), 
 """What can be told of a joint that is known from nothing but its motion: its line."""
 
 
+class BodyParameters(Protocol):
+    """A body as a vector of named parameters, whichever these are."""
+
+    @property
+    def base(self) -> BodyTree:
+        """The body that they begin at."""
+        ...
+
+    @property
+    def layout(self) -> "TreeParameters":
+        """What derivatives are first taken by, see `by_name`."""
+        ...
+
+    @property
+    def start(self) -> NDArray:
+        """Where they begin. Shape (P,)."""
+        ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all parameters."""
+        ...
+
+    @property
+    def index(self) -> dict[str, int]:
+        """Position of each name."""
+        ...
+
+    @property
+    def bends(self) -> slice:
+        """Where what bends is, at the end."""
+        ...
+
+    @property
+    def gears(self) -> slice | NDArray:
+        """Where the gears are."""
+        ...
+
+    def tree_of(self, values: NDArray) -> BodyTree:
+        """Return the body with these values. Shape (P,)."""
+        ...
+
+    def bending_of(self, values: NDArray) -> Bending | None:
+        """Return what bends, as its names tell it."""
+        ...
+
+    def with_bending(self, bending: Bending | None) -> "BodyParameters":
+        """Return the same of a body in which something else bends."""
+        ...
+
+    def layout_values(self, values: NDArray) -> NDArray:
+        """Return the values of `layout`. Shape (P of it,)."""
+        ...
+
+    def by_name(self, values: NDArray, J: NDArray) -> NDArray:
+        """Return derivatives by `names` of those by the names of `layout`. Shape (P, R)."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class TreeParameters:
     """Names, values and derivatives of all that can be estimated of a body."""
@@ -46,9 +106,13 @@ class TreeParameters:
     base: BodyTree
     """What the joints' turns and shifts are told from."""
 
-    @cached_property
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of all parameters."""
+        return self._names
+
+    @cached_property
+    def _names(self) -> tuple[str, ...]:
         base = self.base
         frames = [*base.joints, *(self.attached[i].name for i in self.placed)]
         out = [f"{name}.{part}" for name in frames for part in FRAME_PARTS]
@@ -57,6 +121,29 @@ class TreeParameters:
         out += [f"{name}.{part}" for name, parts in inside for part in parts]
         out += [name for mirror in base.mirrors for name in mirror.names]
         return (*out, *(() if base.bending is None else base.bending.names))
+
+    @property
+    def start(self) -> NDArray:
+        """Values of `base`. Shape (P,)."""
+        return self.values_of(self.base)
+
+    @property
+    def layout(self) -> "TreeParameters":
+        """What derivatives are first taken by: these themselves, see `by_name`."""
+        return self
+
+    def layout_values(self, values: NDArray) -> NDArray:
+        """Return the values of `layout`. Shape (P,)."""
+        return values
+
+    def by_name(self, values: NDArray, J: NDArray) -> NDArray:
+        """Return derivatives by `names` of those by the names of `layout`. Shape (P, R)."""
+        return J
+
+    def bending_of(self, values: NDArray) -> Bending | None:
+        """Return what bends, as its names tell it."""
+        bending = self.base.bending
+        return None if bending is None else bending.with_values(values[self.bends])
 
     @cached_property
     def of_joint_frames(self) -> frozenset[str]:
@@ -76,9 +163,13 @@ class TreeParameters:
             *(() if base.bending is None else base.bending.units),
         )
 
-    @cached_property
+    @property
     def index(self) -> dict[str, int]:
         """Position of each name."""
+        return self._index
+
+    @cached_property
+    def _index(self) -> dict[str, int]:
         return {name: i for i, name in enumerate(self.names)}
 
     @cached_property

@@ -18,10 +18,13 @@ from nico_selfmodel.estimation.noise.pose_noise import (
     PoseNoise,
     PoseWhitening,
 )
-from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeLinear, TreeResiduals
+from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
+from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.joint_errors import joint_errors
-from nico_selfmodel.estimation.tree.likeliest_noise import likeliest_noise
 from nico_selfmodel.estimation.tree.pose_tests import far_observations, slipped_joints
+from nico_selfmodel.estimation.tree.tree_block import TreeBlock
+from nico_selfmodel.estimation.tree.tree_noise import likeliest_noise
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
@@ -35,36 +38,6 @@ _FIRST_JOINT = np.radians(0.1)
 """Where the search for the joints' standard deviation begins [rad]."""
 LEAST_REDUNDANCY = 15
 """Equations more than parameters below which kinds of noise cannot be told apart."""
-
-
-class _Block:
-    """Residuals by the free parameters alone, whitened or weighed by sensor."""
-
-    def __init__(
-        self,
-        problem: "TreeProblem",
-        values: NDArray,
-        whitening: PoseWhitening | None,
-        pulled: NDArray | None = None,
-    ) -> None:
-        self._problem, self._values, self._whitening = problem, values, whitening
-        self.names = problem.free_names
-        self._start = problem.residuals.whole_poses(problem.residuals.parameters.tree_of(values))
-        self._pulled = pulled
-
-    def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
-        """Return residuals, shape (1, R), and derivatives, shape (p, 1, R)."""
-        problem = self._problem
-        values = self._values.copy()
-        values[problem.columns] = x
-        linear = problem.residuals.linear(values, self._start)
-        r = linear.r
-        if linear.pulled is not None and self._pulled is not None:
-            # Frozen like the weights: what is left then has the derivatives J.
-            r = r + linear.pulled - self._pulled
-        r = (r / problem.scale)[None]
-        J = (linear.J[problem.columns] / problem.scale)[:, None]
-        return (r, J) if self._whitening is None else self._whitening.whiten(r, J)
 
 
 class TreeProblem:
@@ -89,6 +62,9 @@ class TreeProblem:
             noise_known: Whether that is the noise, which few poses would not tell.
         """
         self._noise_known = noise_known
+        self.poses: NDArray | None = None
+        """Whole poses at the last solution, where the search for the next ones begins."""
+        self._last: tuple[bytes, TreeLinear] | None = None
         self.residuals = residuals
         self.observations: TreeObservations = residuals.observations
         names = residuals.parameters.names
@@ -110,19 +86,40 @@ class TreeProblem:
         """Return the program about some values, with its priors. Shapes (P,) and (R,)."""
         program = CalibrationProgram()
         program.add_variables(self.free_names, values[self.columns])
-        program.add_residuals(_Block(self, values, whitening, pulled))
+        program.add_residuals(TreeBlock(self, values, whitening, pulled))
         for name, (mean, sigma) in self.priors.items():
             program.add_prior(name, mean, sigma)
         return program
 
     def _boards_free(self, values: NDArray) -> PoseWhitening | None:
         """Return what lets poses that nobody reads go along, weights of joints left out."""
-        if not self.observations.unread.any():
+        data = self.observations
+        on = data.data.seen_on[data.row]
+        if not (np.isin(on, data.data.free_joints) & ~data.apart).any():
             return None
-        linear = self.residuals.linear(values)
-        groups = self._groups(np.zeros(len(self.observations.data.observations), dtype=bool))
+        nothing = np.zeros(len(data.data.observations), dtype=bool)
+        linear = self._linear(values, nothing)
         by_joint = np.where(self.observations.unread, linear.by_joint, 0.0)
-        return self._whitening(replace(linear, by_joint=by_joint), groups, None)
+        return self._whitening(replace(linear, by_joint=by_joint), data.groups(nothing), None)
+
+    def linear_at(self, values: NDArray, poses: NDArray | None) -> TreeLinear:
+        """Return residuals and derivatives; those of the last place are kept.
+
+        Args:
+            values: Of all parameters. Shape (P,).
+            poses: Where the search for whole poses begins. Shape (P, n, 4, 4).
+        """
+        key = values.tobytes()
+        if self._last is None or self._last[0] != key:
+            self._last = key, self.residuals.linear(values, poses)
+        return self._last[1]
+
+    def _linear(self, values: NDArray, outliers: NDArray) -> TreeLinear:
+        """Return residuals and derivatives, poses of what no joint moves eliminated."""
+        keep = ~outliers[self.observations.row]
+        linear = self.linear_at(values, self.poses)
+        self.poses = linear.poses
+        return PosesApart.of(self.observations, keep).eliminated(linear, self.scale)
 
     def rough(self, values: NDArray, rounds: int = _ROUGH_ROUNDS) -> tuple[NDArray, float]:
         """Solve from afar, each sensor weighed by itself and far observations hardly at all.
@@ -165,21 +162,25 @@ class TreeProblem:
             cost += ((values[self.residuals.parameters.index[name]] - mean) / sigma) ** 2
         return weight[self.observations.row], cost
 
-    def refine(self, values: NDArray, outliers: NDArray | None = None) -> TreeSolution:
+    def refine(
+        self, values: NDArray, outliers: NDArray | None = None, *, trim: bool = True
+    ) -> TreeSolution:
         """Solve near the minimum: variances, slips and outliers renewed, poses whitened.
 
         Args:
             values: Start, near the minimum. Shape (P,).
             outliers: Observations to leave out at first, by row of the table; those that stand
                 out at the start if omitted. Shape (N,).
+            trim: Look for outliers and slips; else all counts alike.
         """
         data = self.observations
         found = self._outlying(values) if outliers is None else outliers
-        groups = self._groups(found)
+        found = found if trim else np.zeros_like(found)
+        groups = self.observations.groups(found)
         slipped = np.zeros((groups.poses, len(data.noisy_joints)), dtype=bool)
-        known, solution = False, None
+        known, steps = False, 0
         for _ in range(_ROUNDS):
-            linear = self.residuals.linear(values)
+            linear = self._linear(values, found)
             equations = int((~found[data.row]).sum()) + len(self.priors)
             known = self._noise_known or equations - len(self.columns) >= LEAST_REDUNDANCY
             before = self.noise
@@ -189,48 +190,77 @@ class TreeProblem:
             solution = self.program(values, whitening, linear.pulled).solve(
                 max_iterations=_STEPS_BETWEEN, tolerance=1e-7
             )
-            values = self._with(values, solution)
-            linear = self._about_poses(values, groups, slipped)
+            values, steps = self._with(values, solution), steps + solution.iterations
+            linear = self._about_poses(values, groups, slipped, found)
             now_slipped, now_found = slipped, found
-            if known:
+            if known and trim:
                 now_slipped, now_found = self._tested(linear, groups, slipped, found)
-            new = self._groups(now_found)
+            new = self.observations.groups(now_found)
             same = np.array_equal(now_found, found) and np.array_equal(now_slipped, slipped)
             slipped, found = _regrouped(now_slipped, groups, new), now_found
             groups = new
             if same and self.noise.is_like(before):
                 break
-        return self._finish(values, groups, slipped, found, known)
+        return self._finish(values, slipped, found, known, steps)
 
-    def _about_poses(self, values: NDArray, groups: PoseGroups, slipped: NDArray) -> TreeLinear:
+    def solve_from(self, before: TreeSolution) -> TreeSolution:
+        """Solve where an adjustment of less that was free ended, its noise and outliers kept.
+
+        Args:
+            before: Of the same observations; its values are of these parameters.
+        """
+        numbers = self.observations.groups(before.outliers).numbers
+        slipped = self._slipped_at(before, numbers)
+        known = before.variances_known
+        self.noise = before.noise
+        return self._finish(before.values, slipped, before.outliers, known)
+
+    def _slipped_at(self, solution: TreeSolution, numbers: NDArray) -> NDArray:
+        """Return what slipped in visits of some numbers. Shape (visits, m)."""
+        known = solution.slipped
+        slipped = np.zeros((len(numbers), known.shape[1]), dtype=bool)
+        real = numbers < len(known)
+        slipped[real] = known[numbers[real]]
+        return slipped
+
+    def _about_poses(
+        self, values: NDArray, groups: PoseGroups, slipped: NDArray, outliers: NDArray
+    ) -> TreeLinear:
         """Take joints to be where each pose shows them; return what is linear there."""
-        linear = self.residuals.linear(values)
+        linear = self._linear(values, outliers)
         whitening = self._whitening(linear, groups, slipped)
         loose = self.observations.unread_in(groups.poses, slipped)
-        errors = joint_errors(self.observations, whitening, linear.r / self.scale, loose)
-        self.residuals = self.residuals.about(errors)
-        return self.residuals.linear(values)
+        self._err(joint_errors(self.observations, whitening, linear.r / self.scale, loose))
+        return self._linear(values, outliers)
+
+    def _err(self, errors: NDArray | None) -> None:
+        """Let all be linear about other errors of joints. Shape (P, m)."""
+        self.residuals, self._last = self.residuals.erring(errors), None
 
     def _finish(
         self,
         values: NDArray,
-        groups: PoseGroups,
         slipped: NDArray,
         outliers: NDArray,
         known: bool,
+        steps: int = 0,
     ) -> TreeSolution:
-        linear = self._about_poses(values, groups, slipped)
+        groups = self.observations.groups(outliers)
+        linear = self._about_poses(values, groups, slipped, outliers)
         whitening = self._whitening(linear, groups, slipped)
         solution = self.program(values, whitening, linear.pulled).solve(tolerance=1e-8)
         values = self._with(values, solution)
-        rows, white = self._whitened(values, groups, slipped)
+        rows, white = self._whitened(values, outliers, slipped)
         prior = np.zeros((len(self.priors), len(self.free_names)))
         rest = np.zeros(len(self.priors))
         for i, (name, (mean, sigma)) in enumerate(self.priors.items()):
             prior[i, self.free_names.index(name)] = 1.0 / sigma
             rest[i] = (values[self.residuals.parameters.index[name]] - mean) / sigma
-        by_visit = np.zeros((self._visits, slipped.shape[1]), dtype=bool)
-        by_visit[groups.numbers] = slipped
+        if self.observations.data.free_joints:
+            self.residuals = self.residuals.about(self.residuals.parameters, self.poses)
+        by_visit = np.zeros((self.observations.visits, slipped.shape[1]), dtype=bool)
+        real = groups.numbers < len(by_visit)
+        by_visit[groups.numbers[real]] = slipped[real]
         return TreeSolution(
             values,
             self.noise,
@@ -238,7 +268,7 @@ class TreeProblem:
             by_visit,
             solution.cost,
             solution.converged,
-            solution.iterations,
+            steps + solution.iterations,
             known,
             np.vstack([rows, prior]),
             np.append(white, rest),
@@ -249,12 +279,13 @@ class TreeProblem:
     def _whitened(
         self,
         values: NDArray,
-        groups: PoseGroups,
+        outliers: NDArray,
         slipped: NDArray,
         beside: NDArray | None = None,
     ) -> tuple[NDArray, NDArray]:
         """Return whitened derivatives by what is free, and residuals, of what counts."""
-        linear = self.residuals.linear(values)
+        groups = self.observations.groups(outliers)
+        linear = self._linear(values, outliers)
         r = (linear.r / self.scale)[None]
         by_all = linear.J[self.columns]
         by_all = by_all if beside is None else np.vstack([by_all, beside.T])
@@ -278,22 +309,29 @@ class TreeProblem:
             By what is free here and then by that, shape (k, free + e), and what is left, shape
             (k,).
         """
-        groups = self._groups(solution.outliers)
-        self.residuals = self.residuals.about(solution.joint_errors)
-        return self._whitened(solution.values, groups, solution.slipped[groups.numbers], beside)
+        self._err(solution.joint_errors)
+        numbers = self.observations.groups(solution.outliers).numbers
+        slipped = self._slipped_at(solution, numbers)
+        return self._whitened(solution.values, solution.outliers, slipped, beside)
 
-    @property
-    def _visits(self) -> int:
-        return int(self.observations.visit.max()) + 1
+    def whitened_start(self) -> NDArray:
+        """Return whitened derivatives where the parameters begin, all that was seen counted."""
+        nothing = np.zeros(len(self.observations.data.observations), dtype=bool)
+        visits = self.observations.groups(nothing).poses
+        slipped = np.zeros((visits, len(self.observations.noisy_joints)), dtype=bool)
+        return self._whitened(self.residuals.parameters.start, nothing, slipped)[0]
+
+    def noise_at(self, solution: TreeSolution) -> TreeNoise:
+        """Return the noise that residuals ask for where another problem's adjustment ended."""
+        groups = self.observations.groups(solution.outliers)
+        slipped = np.zeros((groups.poses, len(self.observations.noisy_joints)), dtype=bool)
+        linear = self._linear(solution.values, solution.outliers)
+        return self._likeliest(linear, groups, slipped, solution.values)
 
     def _with(self, values: NDArray, solution: ProgramSolution) -> NDArray:
         out = values.copy()
         out[self.columns] = solution.x
         return out
-
-    def _groups(self, outliers: NDArray) -> PoseGroups:
-        data = self.observations
-        return PoseGroups(data.visit, ~outliers[data.row], 1, data.pose)
 
     def _outlying(self, values: NDArray) -> NDArray:
         """Return observations far out at the start, by the median of their sensor. (N,)."""
@@ -326,7 +364,7 @@ class TreeProblem:
             at = self.free_names.index(name)
             if self.columns[at] in bends:
                 known[at], pull[at] = sigma**-2.0, mean - values[self.columns[at]]
-        own = TreeLinear(linear.r + pull @ J, J, linear.by_joint)
+        own = replace(linear, r=linear.r + pull @ J, J=J)
         loose = self.observations.unread_in(groups.poses, slipped)
         return likeliest_noise(self.observations, own, groups, loose, self.noise, known)
 
@@ -346,7 +384,8 @@ class TreeProblem:
         visit = groups.of(np.ones(len(r), dtype=bool))
         sigma = np.where(loose[visit], FREE_SIGMA, self.noise.joint)
         by_joint = linear.by_joint / self.scale[:, None] * sigma
-        far = far_observations(self.observations, whitening, r, J, by_joint, prior, outliers)
+        seen = self.observations
+        far = far_observations(seen, whitening, r, J, by_joint, prior, outliers, linear.took)
         return found, far
 
 

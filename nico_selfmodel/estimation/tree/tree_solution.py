@@ -40,6 +40,7 @@ class TreeSolution:
     """Half the sum of squares, in the noise as it was found."""
     converged: bool
     iterations: int
+    """Of all rounds of variances and outliers."""
     variances_known: bool
     """Whether there was enough redundancy to tell the noise."""
     whitened: NDArray

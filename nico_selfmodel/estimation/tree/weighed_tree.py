@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
-from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeLinear
-from nico_selfmodel.estimation.tree.likeliest_noise import likeliest_noise
+from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
+from nico_selfmodel.estimation.tree.tree_noise import likeliest_noise
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
-from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
+from nico_selfmodel.estimation.tree.tree_parameters import BodyParameters
 from nico_selfmodel.estimation.tree.tree_setup import Priors
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
 from nico_selfmodel.model.arm.bending import Bending
@@ -25,7 +25,7 @@ PLACES = (POINTS, POSES, CAMERA)
 class TreePosture:
     """A body's parameters: see `bendable.Posture`."""
 
-    parameters: TreeParameters
+    parameters: BodyParameters
     """What they are told from."""
     values: NDArray
     """All of them. Shape (P,)."""
@@ -43,7 +43,7 @@ class TreePosture:
     @property
     def bending(self) -> Bending | None:
         """What bends."""
-        return self.tree.bending
+        return self.parameters.bending_of(self.values)
 
     @property
     def gears(self) -> NDArray:
@@ -66,7 +66,7 @@ def lengths(seen: TreeObservations, r: NDArray) -> NDArray:
     """Return how far off what tells places is, by row of the table; nan for the rest. (N,)."""
     out = np.full(len(seen.data.observations), np.nan)
     for rows in seen.sensors:
-        if rows.kind in PLACES:
+        if rows.kind in PLACES and not rows.apart:
             off = r[rows.scalars].reshape(len(rows.rows), -1)
             out[rows.rows] = np.linalg.norm(off[:, :3], axis=1)
     return out
@@ -100,7 +100,7 @@ class WeighedTree:
 
     @cached_property
     def _groups(self) -> PoseGroups:
-        return PoseGroups(self.seen.visit, ~self.outliers[self.seen.row], 1, self.seen.pose)
+        return self.seen.groups(self.outliers)
 
     @cached_property
     def _scale(self) -> NDArray:
@@ -161,18 +161,21 @@ class WeighedTree:
     @property
     def coordinates(self) -> float:
         """How many numbers count."""
-        return self._share * len(self._groups.rows)
+        taken = 0.0 if self.linear.taken is None else float(self.linear.taken.sum())
+        return self._share * (len(self._groups.rows) - taken)
 
     @property
     def log_determinant(self) -> float:
         """Logarithm of the determinant of their covariance."""
         scales = 2.0 * float(np.log(self._scale[self._groups.rows]).sum())
+        if self.linear.taken is not None:
+            scales -= 2.0 * float(self.linear.taken @ np.log(self.noise.sensor))
         return self._share * (self._whitening.log_determinant + scales)
 
     def likeliest(self, pull: NDArray, variance: NDArray) -> TreeNoise:
         """Return the noise that residuals ask for, of effects that are known as well as that."""
         own, there = self.linear.J[self._columns], variance > 0.0
-        linear = TreeLinear(self.linear.r + pull @ own, own[there], self.linear.by_joint)
+        linear = replace(self.linear, r=self.linear.r + pull @ own, J=own[there])
         known = 1.0 / variance[there]
         loose = self.seen.unread_in(self._groups.poses)
         return likeliest_noise(self.seen, linear, self._groups, loose, self.noise, known)

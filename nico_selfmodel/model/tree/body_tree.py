@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -77,8 +78,8 @@ class BodyTree:
         """Check that it is a tree, and make the arrays read-only."""
         n = len(self.joints)
         names = [*self.joints, *(m.name for m in self.markers), *(s.name for s in self.sensors)]
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
+        if len(set(names)) < len(names):
+            twice = sorted({name for name in names if names.count(name) > 1})
             raise ValueError(f"names must be unique in a body, got {listed(twice)} more than once")
         known = [mirror.name for mirror in self.mirrors]
         if len(set(known)) < len(known):
@@ -97,6 +98,11 @@ class BodyTree:
         object.__setattr__(self, "X_PJ", frozen_array(self.X_PJ, (n, 4, 4), "X_PJ"))
         object.__setattr__(self, "gear", frozen_array(self.gear, (n,), "gear"))
         object.__setattr__(self, "coupling", frozen_array(self.coupling, (n, n), "coupling"))
+
+    @cached_property
+    def X_attached(self) -> NDArray:
+        """Poses of markers, then sensors, on their links [m]. Shape (m + s, 4, 4)."""
+        return np.stack([item.X_LA for item in (*self.markers, *self.sensors)])
 
     @property
     def beyond(self) -> NDArray:

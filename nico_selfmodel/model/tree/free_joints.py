@@ -23,7 +23,7 @@ def body_alone(tree: BodyTree) -> BodyTree:
         gear=tree.gear[:n],
         coupling=tree.coupling[:n, :n],
         markers=tuple(marker for marker in tree.markers if marker.on < n),
-        bending=tree.bending and _resized(tree.bending, tree.joints[:n]),
+        bending=tree.bending and resized(tree.bending, tree.joints[:n]),
     )
 
 
@@ -49,11 +49,11 @@ def with_free_joints(
         gear=np.append(tree.gear, np.ones(new)),
         coupling=coupling,
         markers=(*tree.markers, *markers),
-        bending=tree.bending and _resized(tree.bending, (*tree.joints, *joints)),
+        bending=tree.bending and resized(tree.bending, (*tree.joints, *joints)),
     )
 
 
-def _resized(bending: Bending, joints: tuple[str, ...]) -> Bending:
+def resized(bending: Bending, joints: tuple[str, ...]) -> Bending:
     """Return what bends of the first joints of a list, or of these and more that do not."""
     old, new = len(bending.joints), len(joints)
 

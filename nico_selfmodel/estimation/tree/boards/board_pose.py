@@ -7,7 +7,7 @@ about one axis across the line of sight (Schweighofer, Pinz 2006).
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.geometry.homography import homography
+from nico_selfmodel.estimation.cameras.camera_initialization import flat_boards
 from nico_selfmodel.geometry.resection import FEWEST, camera_pose
 from nico_selfmodel.geometry.rotation import (
     nearest_rotation,
@@ -19,8 +19,6 @@ from nico_selfmodel.geometry.transform import inverse, transform
 FEWEST_CORNERS = 4
 _FLAT = 1e-6
 """Thickness of a board, over its width, below which it is flat."""
-_AHEAD = 0.05
-"""Cosine of the angle from a board's middle up to which its corners place it."""
 
 
 def board_poses_seen(p_BQ: NDArray, rays: NDArray) -> tuple[NDArray, NDArray] | None:
@@ -46,27 +44,11 @@ def board_poses_seen(p_BQ: NDArray, rays: NDArray) -> tuple[NDArray, NDArray] | 
         return X, X
     axes = axes * np.array([[1.0], [1.0], [np.linalg.det(axes)]])
     X_BF = transform(axes.T, middle)
-    pose = _flat_pose((p - middle) @ axes[:2].T, rays)
-    if pose is None:
+    try:
+        (pose,) = flat_boards((p - middle) @ axes[:2].T, rays[None])
+    except ValueError:  # on one line, or nearly across
         return None
     return pose @ inverse(X_BF), _tilted_back(pose) @ inverse(X_BF)
-
-
-def _flat_pose(plane: NDArray, rays: NDArray) -> NDArray | None:
-    """Return X_CF of points of a plane z = 0 of F. Shapes (N, 2), (N, 3) -> (4, 4)."""
-    turn = _towards(rays.mean(axis=0))
-    seen = rays @ turn.T
-    ahead = seen[:, 2] > _AHEAD
-    if ahead.sum() < FEWEST_CORNERS:
-        return None
-    try:
-        H = homography(plane[ahead], seen[ahead, :2] / seen[ahead, 2:])
-    except ValueError:  # on one line
-        return None
-    length = np.sqrt(np.prod(np.linalg.norm(H[:, :2], axis=0)))
-    r1, r2, t = (np.copysign(1.0, H[2, 2]) * H / length).T
-    R = nearest_rotation(np.column_stack([r1, r2, np.cross(r1, r2)]))
-    return transform(turn.T @ R, turn.T @ t)
 
 
 def _tilted_back(X_CF: NDArray) -> NDArray:
@@ -78,14 +60,6 @@ def _tilted_back(X_CF: NDArray) -> NDArray:
     angle = np.arctan2(sine, sight @ normal)
     back = rotation_from_vector(-2.0 * angle * axis / max(sine, 1e-12))
     return transform(back @ X_CF[:3, :3], X_CF[:3, 3])
-
-
-def _towards(direction: NDArray) -> NDArray:
-    """Return a rotation that takes a direction to z. Shape (3,) -> (3, 3)."""
-    z = direction / np.linalg.norm(direction)
-    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z])
 
 
 def mirrored_back(X: NDArray) -> NDArray:

@@ -55,6 +55,8 @@ def _views(observations: TreeObservations, lenses: Mapping[str, Camera]) -> Iter
         on = data.seen_on[rows.rows]
         for joint in data.free_joints:
             own = np.flatnonzero(on == joint)
+            if not len(own):
+                continue
             own = own[np.argsort(rows.pose[own], kind="stable")]
             samples, first = np.unique(rows.pose[own], return_index=True)
             for sample, of in zip(samples.tolist(), np.split(own, first[1:]), strict=True):

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 
-_ROUNDS = 30
+SETTLING_ROUNDS = 30
 _SETTLED = 1e-12
-"""Relative change of a sample's sum of squares below which its poses stay."""
+"""Part of a sample's sum of squares below which a step that promises no more is not taken."""
 _EXACT = 1e-14
 """Mean square, in the sensors' variances, below which residuals are those of rounding."""
 _DAMPING, _MOST_DAMPING = 1e-4, 1e6
@@ -25,7 +25,11 @@ derivatives by turns and shifts of the free ones, (R, 6 F)."""
 
 
 def settled_poses(
-    evaluate: Evaluate, flanges: NDArray, free: tuple[int, ...], sample: NDArray
+    evaluate: Evaluate,
+    flanges: NDArray,
+    free: tuple[int, ...],
+    sample: NDArray,
+    rounds: int = SETTLING_ROUNDS,
 ) -> tuple[NDArray, NDArray]:
     """Return poses with the free ones where they fit best.
 
@@ -34,6 +38,7 @@ def settled_poses(
         flanges: Where to begin. Shape (P, n, 4, 4).
         free: Which joints move freely, F of them.
         sample: Sample of each residual. Shape (R,).
+        rounds: Most steps.
 
     Returns:
         The poses, shape (P, n, 4, 4), and each sample's sum of squares, shape (P,).
@@ -44,8 +49,11 @@ def settled_poses(
     cost = np.bincount(sample, r * r, minlength=count)
     exact = _EXACT * np.bincount(sample, minlength=count)
     going = cost > exact
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         H, g = _by_sample(r, A, sample, count)
+        going &= ~_flat(H, g, cost)
+        if not going.any():
+            break
         diagonal = np.einsum("kii->ki", H)
         H = H + np.eye(m) * (damping[:, None] * diagonal + (diagonal == 0.0))[:, None, :]
         step = -np.linalg.solve(H, g[:, :, None])[:, :, 0] * going[:, None]
@@ -58,7 +66,7 @@ def settled_poses(
         r, A = np.where(kept, now, r), np.where(kept[:, None], slopes, A)
         small = cost - fresh < _SETTLED * cost
         damping = np.where(better, damping / 10.0, damping * 10.0)
-        going &= (better & ~small) | (~better & (damping < _MOST_DAMPING) & ~_flat(H, g, cost))
+        going &= (better & ~small) | (~better & (damping < _MOST_DAMPING))
         cost = np.where(better, fresh, cost)
         going &= cost > exact
         if not going.any():
@@ -68,8 +76,9 @@ def settled_poses(
 
 def _flat(H: NDArray, g: NDArray, cost: NDArray) -> NDArray:
     """Whether no step promises to gain anything: g'H^-1 g. Boolean, shape (P,)."""
+    H = H + np.eye(g.shape[1]) * (np.einsum("kii->ki", H) == 0.0)[:, None, :]
     gain = np.sum(g * np.linalg.solve(H, g[:, :, None])[:, :, 0], axis=1)
-    return np.asarray(gain <= 1e-9 * cost)
+    return np.asarray(gain <= _SETTLED * cost)
 
 
 def _by_sample(r: NDArray, A: NDArray, sample: NDArray, count: int) -> tuple[NDArray, NDArray]:

@@ -1,14 +1,17 @@
 """What turns and shifts of a body's parts do to what sensors show of its markers."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.tree.forward.rows_last import at_samples, consecutive, dot_first
 from nico_selfmodel.estimation.tree.forward.sensor_models import Shown
 from nico_selfmodel.geometry.rotation import skew
 from nico_selfmodel.model.arm.bending_slopes import Bent, bending_slopes
-from nico_selfmodel.model.tree.body_tree import REVOLUTE
+from nico_selfmodel.model.arm.line_kinematics import cross
+from nico_selfmodel.model.tree.body_tree import PRISMATIC, REVOLUTE
 from nico_selfmodel.model.tree.tree_load import carries
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
@@ -25,6 +28,11 @@ class Push:
     """Markers. Shape (N, 3)."""
     pose: NDArray
     """Samples. Shape (N,)."""
+
+    @cached_property
+    def shift_first(self) -> NDArray:
+        """`shift` with its components first and the rows last. Shape (3, k, N)."""
+        return np.ascontiguousarray(self.shift.transpose(2, 1, 0))
 
     @classmethod
     def of_shown(cls, shown: Shown, R_SW: NDArray, p_WM: NDArray, pose: NDArray) -> "Push":
@@ -47,6 +55,49 @@ class Push:
             return None if self.turn is None else self.turn[rows]
         about = -self.shift[rows] @ skew(self.p_WM[rows] - origin)
         return about if self.turn is None else about + self.turn[rows]
+
+
+def by_frames(
+    motion: TreeMotion,
+    bases: tuple[NDArray, NDArray],
+    push: Push,
+    signs: NDArray,
+    J: NDArray,
+    by_q: NDArray,
+    which: NDArray,
+) -> None:
+    """Add what turns and shifts of joint frames move, and displacements: all joints at once.
+
+    Arrays have the components of vectors first and the rows last, (3, joints, k, N).
+
+    Args:
+        motion: The body.
+        bases: `TreeParameters.turn_slopes` and `TreeParameters.frames`.
+        push: What turns and shifts in W do.
+        signs: Whether each joint moves each row, and which way. Shape (N, n).
+        J: By all parameters. Shape (P, N, k).
+        by_q: By displacements. Shape (n, N, k).
+        which: Joints that have frames. Boolean, shape (n,).
+    """
+    joints = consecutive(np.flatnonzero(which))
+    sign = signs.T[joints][:, None]
+    along = push.shift_first[:, None] * sign
+    lever = push.p_WM.T[:, None] - at_samples(motion.p_WJ[joints].swapaxes(0, 1), push.pose)
+    about = cross(lever[:, :, None], along)
+    if push.turn is not None:
+        about = about + push.turn.transpose(2, 1, 0)[:, None] * sign
+    R = at_samples(motion.R_WP[joints].transpose(2, 1, 0, 3), push.pose)
+    columns = J[: 6 * len(which)].reshape(len(which), 6, *J.shape[1:])
+    slopes, frames = bases[0], bases[1][joints, :3, :3]
+    for part, by, base in ((slice(0, 3), about, slopes[joints]), (slice(3, 6), along, frames)):
+        axes = dot_first(R[:, :, None], base.transpose(1, 2, 0)[:, None, :, :, None])
+        columns[joints, part] += dot_first(by[:, None], axes[:, :, :, None]).transpose(1, 0, 3, 2)
+    z = at_samples(motion.R_WJ[joints, :, 2].swapaxes(0, 1), push.pose)[:, :, None]
+    motions = np.array(motion.tree.motions)[joints]
+    for kind, by in ((REVOLUTE, about), (PRISMATIC, along)):
+        if (own := motions == kind).any():
+            moved = dot_first(by, z) * own[:, None, None]
+            by_q[joints] += moved.swapaxes(1, 2)
 
 
 def by_bearing(i: int, motion: TreeMotion, push: "Push", moved: NDArray) -> NDArray:

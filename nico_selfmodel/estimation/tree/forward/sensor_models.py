@@ -4,6 +4,7 @@ Each returns the prediction (N, k), its derivatives by the point p_SM (N, k, 3) 
 marker's frame, given in S (N, k, 3), and by a camera's intrinsics (N, k, 10) or None.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +34,18 @@ class Shown:
     """By a turn of the marker's frame, expressed in S. Shape (N, k, 3)."""
     by_lens: NDArray | None = None
     """By a camera's intrinsics. Shape (N, k, 10)."""
+
+    @classmethod
+    def together(cls, parts: Sequence["Shown"]) -> "Shown":
+        """Return what several sensors of one kind show, but for their intrinsics."""
+        if len(parts) == 1:
+            return parts[0]
+        turned = [part.by_turn for part in parts if part.by_turn is not None]
+        return cls(
+            np.concatenate([part.residual for part in parts]),
+            np.concatenate([part.by_point for part in parts]),
+            np.concatenate(turned) if turned else None,
+        )
 
 
 def shown_points(p_SM: NDArray, measured: NDArray) -> Shown:

@@ -11,16 +11,19 @@ marker's way moves it by S (w x (p - o) + v), one on the camera's way what is se
 -(w x (p' - o) + v). They no longer cancel.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
+from itertools import groupby
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS
 from nico_selfmodel.estimation.tree.boards.first_poses import first_poses
-from nico_selfmodel.estimation.tree.boards.settled_poses import settled_poses
-from nico_selfmodel.estimation.tree.forward.pushes import Push, by_bearing, by_bends
+from nico_selfmodel.estimation.tree.boards.settled_poses import SETTLING_ROUNDS, settled_poses
+from nico_selfmodel.estimation.tree.forward.pushes import Push, by_bearing, by_bends, by_frames
+from nico_selfmodel.estimation.tree.forward.rows_last import at_samples, consecutive, dot_first
 from nico_selfmodel.estimation.tree.forward.sensor_models import (
     Shown,
     shown_bearings,
@@ -29,27 +32,17 @@ from nico_selfmodel.estimation.tree.forward.sensor_models import (
     shown_points,
     shown_poses,
 )
+from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_observations import BEARING, SensorRows, TreeObservations
-from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
+from nico_selfmodel.estimation.tree.tree_parameters import BodyParameters
 from nico_selfmodel.geometry.reflection import reflect, reflection, reflection_slopes
-from nico_selfmodel.model.tree.body_tree import REVOLUTE, WHOLE_POSES, BodyTree
+from nico_selfmodel.model.arm.line_kinematics import cross
+from nico_selfmodel.model.tree.body_tree import FREE, REVOLUTE, WHOLE_POSES, BodyTree
 from nico_selfmodel.model.tree.standing_mirror import StandingMirror
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
-
-@dataclass(frozen=True, eq=False)
-class TreeLinear:
-    """Residuals about a body, predicted minus measured, in the sensors' units."""
-
-    r: NDArray
-    """Shape (R,)."""
-    J: NDArray
-    """By all parameters. Shape (P, R)."""
-    by_joint: NDArray
-    """By what is read with noise, `TreeObservations.noisy_joints`. Shape (R, m)."""
-    pulled: NDArray | None = None
-    """A e, what the joint errors e about which all this is linear add to r. Shape (R,); None where
-    it is linear about the readings."""
+_TRIED = 6
+"""Steps after which one of two guesses of a pose is the better one."""
 
 
 class TreeResiduals:
@@ -58,7 +51,8 @@ class TreeResiduals:
     def __init__(
         self,
         observations: TreeObservations,
-        parameters: TreeParameters,
+        parameters: BodyParameters,
+        poses: NDArray | None = None,
         joint_errors: NDArray | None = None,
     ) -> None:
         """Prepare.
@@ -66,19 +60,35 @@ class TreeResiduals:
         Args:
             observations: What was measured.
             parameters: Of the body.
+            poses: Where the search for poses that nobody reads begins; by single views if omitted.
+                Shape (P, n, 4, 4).
             joint_errors: How far joints are taken to be from their readings where `linear` is: by
                 sample, of `TreeObservations.noisy_joints` [rad or m], zero of whole poses; none
                 if omitted. Shape (P, m).
         """
+        self._poses = poses
         self.observations, self.parameters = observations, parameters
         self.joint_errors = joint_errors
-        self._on = np.array([a.on for a in parameters.attached])
+        self._layout = parameters.layout
+        self._on = np.array([a.on for a in self._layout.attached])
         self._beyond = parameters.base.beyond
         self._sensor_names = [s.name for s in parameters.base.sensors]
 
-    def about(self, joint_errors: NDArray | None) -> "TreeResiduals":
-        """Return the same, linear about other errors of joints."""
-        return TreeResiduals(self.observations, self.parameters, joint_errors)
+    def about(self, parameters: BodyParameters, poses: NDArray | None = None) -> Self:
+        """Return the same of other parameters of nearly the same body.
+
+        Args:
+            parameters: Of the body.
+            poses: Where the search for poses begins; where this one's does if omitted.
+        """
+        if poses is None and self.observations.data.free_joints:
+            poses = self._first_poses
+        return type(self)(self.observations, parameters, poses, self.joint_errors)
+
+    def erring(self, joint_errors: NDArray | None) -> Self:
+        """Return the same, linear about other errors of joints. Shape (P, m)."""
+        poses = self._first_poses if self.observations.data.free_joints else None
+        return type(self)(self.observations, self.parameters, poses, joint_errors)
 
     def motion(self, tree: BodyTree, start: NDArray | None = None) -> TreeMotion:
         """Return where everything is at the samples; what moves freely where it fits best."""
@@ -118,15 +128,20 @@ class TreeResiduals:
     @cached_property
     def _first_poses(self) -> NDArray:
         """Where the search for poses that nobody reads begins. Shape (P, n, 4, 4)."""
+        if self._poses is not None:
+            return self._poses
         tree = self.parameters.base
-        one, other = (self._settled(tree, X) for X in first_poses(tree, self.observations))
+        guesses = first_poses(tree, self.observations)
+        one, other = (self._settled(tree, X, _TRIED) for X in guesses)
         return np.where((other[1] < one[1])[:, None, None, None], other[0], one[0])
 
     @cached_property
     def _boards(self) -> TreeObservations:
         return self.observations.on_free_joints()
 
-    def _settled(self, tree: BodyTree, flanges: NDArray) -> tuple[NDArray, NDArray]:
+    def _settled(
+        self, tree: BodyTree, flanges: NDArray, rounds: int = SETTLING_ROUNDS
+    ) -> tuple[NDArray, NDArray]:
         seen = self._boards
         free, sigma = seen.data.free_joints, seen.stated_sigma[seen.noise_group]
         columns = np.flatnonzero(seen.unread)
@@ -135,7 +150,7 @@ class TreeResiduals:
             r, by_joint = self._of_free(tree, self._moved(tree, poses))
             return r / sigma, by_joint[:, columns] / sigma[:, None]
 
-        return settled_poses(evaluate, flanges, free, seen.sample)
+        return settled_poses(evaluate, flanges, free, seen.sample, rounds)
 
     def _of_free(self, tree: BodyTree, motion: TreeMotion) -> tuple[NDArray, NDArray]:
         """Return residuals, and their derivatives by what moves freely alone. (R,), (R, m)."""
@@ -145,7 +160,7 @@ class TreeResiduals:
     def residuals(self, values: NDArray) -> NDArray:
         """Return residuals alone, of joints that do not err. Shape (P,) -> (R,)."""
         if self.joint_errors is not None:
-            return self.about(None).residuals(values)
+            return self.erring(None).residuals(values)
         tree = self.parameters.tree_of(values)
         motion = self.motion(tree)
         shown = [self.show(tree, motion, rows)[0] for rows in self.observations.sensors]
@@ -162,32 +177,44 @@ class TreeResiduals:
             start: See `whole_poses`.
         """
         tree = self.parameters.tree_of(values)
-        motion = self.motion(tree, start)
-        slopes = self.parameters.turn_slopes(values)
-        parts = [self._linear(tree, motion, slopes, rows) for rows in self.observations.sensors]
+        poses = self.whole_poses(tree, start)
+        motion = self._moved(tree, poses)
+        slopes = self._layout.turn_slopes(self.parameters.layout_values(values))
+        parts = [self._linear(tree, motion, slopes, run) for run in self._runs]
         r = np.concatenate([p.r for p in parts])
         by_joint = np.concatenate([p.by_joint for p in parts])
         pulled = None
         if self.joint_errors is not None:
             pulled = np.sum(by_joint * self.joint_errors[self.observations.sample], axis=1)
             r = r - pulled
-        return TreeLinear(r, np.concatenate([p.J for p in parts], axis=1), by_joint, pulled)
+        return TreeLinear(
+            r,
+            self.parameters.by_name(values, np.concatenate([p.J for p in parts], axis=1)),
+            by_joint,
+            pulled=pulled,
+            poses=poses,
+        )
 
     def _frame(
         self, motion: TreeMotion, frames: NDArray, item: NDArray, pose: NDArray
     ) -> tuple[NDArray, NDArray]:
         """Return orientations (N, 3, 3) and positions (N, 3) of markers or sensors in W."""
-        on = self._on[item]
-        R = motion.R_WL[on, :, :, pose]
-        X = frames[item]
-        p = motion.p_WL[on, :, pose] + (R @ X[:, :3, 3, None])[:, :, 0]
-        return R @ X[:, :3, :3], p
+        one, X = int(item[0]), frames[item]
+        if (item == one).all():
+            X, on = frames[one], self._on[one]
+            R = np.ascontiguousarray(at_samples(motion.R_WL[on], pose).transpose(2, 0, 1))
+            p = at_samples(motion.p_WL[on], pose).T + R @ X[:3, 3]
+        else:
+            on = self._on[item]
+            R = motion.R_WL[on, :, :, pose]
+            p = motion.p_WL[on, :, pose] + (R @ X[:, :3, 3, None])[:, :, 0]
+        return R @ X[..., :3, :3], p
 
     def _items(self, rows: SensorRows) -> tuple[NDArray, NDArray]:
         """Return which attached frames are seen, and which see. Shape (N,) each."""
         if rows.kind == DISTANCE:
             return rows.marker, rows.other
-        markers = len(self.parameters.base.markers)
+        markers = len(self._layout.base.markers)
         name = self.observations.data.sensors[rows.sensor].name
         return rows.marker, np.full(len(rows.rows), markers + self._sensor_names.index(name))
 
@@ -204,7 +231,7 @@ class TreeResiduals:
         Returns:
             The last three of shapes (N, 3, 3), (N, 3) and (N, 3).
         """
-        frames = np.stack([a.X_LA for a in (*tree.markers, *tree.sensors)])
+        frames = tree.X_attached
         seen, seeing = self._items(rows)
         R_WM, p_WM = self._frame(motion, frames, seen, rows.pose)
         R_WS, p_WS = self._frame(motion, frames, seeing, rows.pose)
@@ -223,39 +250,54 @@ class TreeResiduals:
             shown = shown_poses(p_SM, R_SW @ R_WM, rows.measured)
         return shown, R_SW, p_WM, p_WS
 
+    @cached_property
+    def _runs(self) -> tuple[tuple[SensorRows, ...], ...]:
+        """Sensors that follow each other and are alike: they are linearised at once."""
+        alike = groupby(self.observations.sensors, lambda rows: (rows.kind, rows.mirror))
+        return tuple(tuple(run) for _, run in alike)
+
     def _linear(
-        self, tree: BodyTree, motion: TreeMotion, slopes: NDArray, rows: SensorRows
+        self, tree: BodyTree, motion: TreeMotion, slopes: NDArray, run: tuple[SensorRows, ...]
     ) -> TreeLinear:
-        shown, R_SW, p_WM, p_WS = self.show(tree, motion, rows)
+        all_shown = [self.show(tree, motion, rows) for rows in run]
+        shown = Shown.together([one[0] for one in all_shown])
+        _, *places = zip(*all_shown, strict=True)
+        R_SW, p_WM, p_WS = map(np.concatenate, places)
+        items = zip(*(self._items(rows) for rows in run), strict=True)
+        seen, seeing = map(np.concatenate, items)
+        pose, mirror = np.concatenate([rows.pose for rows in run]), run[0].mirror
         N, k = shown.residual.shape
-        J = np.zeros((len(self.parameters.names), N, k))
+        J = np.zeros((len(self._layout.names), N, k))
         by_joint = np.zeros((N, k, len(self.observations.noisy_joints)))
-        seen, seeing = self._items(rows)
         n = len(tree.joints)
         by_q, across = np.zeros((n, N, k)), np.zeros((4, n, N, k))
         beyond, behind = self._beyond[self._on[seen]], self._beyond[self._on[seeing]]
-        push = pushed = Push.of_shown(shown, R_SW, p_WM, rows.pose)
+        push = pushed = Push.of_shown(shown, R_SW, p_WM, pose)
         ways = [(push, beyond.astype(float) - behind)]
-        if rows.mirror:
-            push, pushed = self._in_mirror(J, tree.mirror(rows.mirror), push)
+        if mirror:
+            push, pushed = self._in_mirror(J, tree.mirror(mirror), push)
             ways = [(push, beyond.astype(float)), (pushed, -behind.astype(float))]
         for one, signs in ways:
             self._by_joints(motion, slopes, one, signs, J, by_q, by_joint, across)
-        gears = self.parameters.gears.start
-        read = np.einsum("ij,ink->jnk", tree.coupling, by_q)
-        angles = self.observations.data.si_readings[rows.pose] / tree.gear
+        gears = self._layout.gears.start
+        read = np.tensordot(tree.coupling.T, by_q, 1)
+        angles = self.observations.data.si_readings[pose] / tree.gear
         for m, (i, _) in enumerate(self.observations.noisy_joints):
             if tree.motions[i] not in WHOLE_POSES:
                 by_joint[:, :, m] = read[i]
                 # q = reading / gear
                 J[gears + i] = -read[i] * (angles[:, i] / tree.gear[i])[:, None]
         if motion.load is not None:
-            J[self.parameters.bends] = by_bends(motion, read, across, rows.pose)
+            J[self._layout.bends] = by_bends(motion, read, across, pose)
         self._by_attached(J, motion, slopes, push, seen, None)
         self._by_attached(J, motion, slopes, pushed, seeing, p_WS)
-        if shown.by_lens is not None:
-            name = self.observations.data.sensors[rows.sensor].name
-            J[self.parameters.intrinsics(name)] = np.moveaxis(shown.by_lens, -1, 0)
+        first = 0
+        for rows, (one, *_) in zip(run, all_shown, strict=True):
+            own = slice(first, first + len(rows.rows))
+            first = own.stop
+            if one.by_lens is not None:
+                name = self.observations.data.sensors[rows.sensor].name
+                J[self._layout.intrinsics(name), own] = np.moveaxis(one.by_lens, -1, 0)
         return TreeLinear(
             shown.residual.ravel(), J.reshape(len(J), -1), by_joint.reshape(N * k, -1)
         )
@@ -284,7 +326,7 @@ class TreeResiduals:
         """
         plane, p_WM, shift = mirror.plane, push.p_WM, push.shift
         by_values = reflection_slopes(plane, p_WM) @ mirror.slopes
-        J[self.parameters.mirror(mirror.name)] = np.moveaxis(shift @ by_values, -1, 0)
+        J[self._layout.mirror(mirror.name)] = np.moveaxis(shift @ by_values, -1, 0)
         turned = shift @ reflection(plane)[:3, :3]
         return replace(push, shift=turned), replace(push, p_WM=reflect(plane, p_WM))
 
@@ -311,40 +353,20 @@ class TreeResiduals:
             by_joint: By parts of flanges' poses. Shape (N, k, m).
             across: By turns and shifts of bearings. Shape (4, n, N, k).
         """
-        for i in range(len(motion.tree.joints)):
-            moved = np.flatnonzero(signs[:, i])
-            if not len(moved):
+        motions, moves = motion.tree.motions, signs.any(axis=0)
+        # What moves freely has its own pose, and nothing else.
+        framed = moves & (np.array(motions) != FREE)
+        by_frames(motion, (slopes, self._layout.frames), push, signs, J, by_q, framed)
+        bends = motion.load is not None
+        for i in np.flatnonzero(moves).tolist():
+            if motions[i] not in WHOLE_POSES and not (bends and motions[i] == REVOLUTE):
                 continue
+            moved = np.flatnonzero(signs[:, i])
             sign = signs[moved, i][:, None, None]
-            about, along = push.of(moved, motion.p_WJ[i])
-            A = motion.R_WP[i][:, :, push.pose[moved]].transpose(2, 0, 1)
-            columns = J[6 * i : 6 * i + 6]
-            columns[:3, moved] += np.moveaxis(sign * (about @ (A @ slopes[i])), -1, 0)
-            base = A @ self.parameters.frames[i, :3, :3]
-            columns[3:, moved] += np.moveaxis(sign * (along @ base), -1, 0)
-            self._by_reading(i, motion, push, moved, sign, (about, along), by_q, by_joint)
-            if motion.load is not None and motion.tree.motions[i] == REVOLUTE:
+            if motions[i] in WHOLE_POSES:
+                self._by_whole_pose(i, motion, push, moved, sign, by_joint)
+            else:
                 across[:, i, moved] += sign[:, :, 0] * by_bearing(i, motion, push, moved)
-
-    def _by_reading(
-        self,
-        i: int,
-        motion: TreeMotion,
-        push: Push,
-        moved: NDArray,
-        sign: NDArray,
-        ways: tuple[NDArray, NDArray],
-        by_q: NDArray,
-        by_joint: NDArray,
-    ) -> None:
-        """Add what a joint's own motion moves: its axis, or each part of a whole pose."""
-        pose = push.pose[moved]
-        if motion.tree.motions[i] not in WHOLE_POSES:
-            z = motion.R_WJ[i][:, 2, pose].T
-            way = ways[0] if motion.tree.motions[i] == REVOLUTE else ways[1]
-            by_q[i, moved] += (sign * (way @ z[:, :, None]))[:, :, 0]
-            return
-        self._by_whole_pose(i, motion, push, moved, sign, by_joint)
 
     def _by_whole_pose(
         self,
@@ -376,13 +398,18 @@ class TreeResiduals:
         """Add what markers (`origin` None) or what sees them move on their links."""
         sign = 1.0 if origin is None else -1.0
         for item in np.unique(items):
-            frame = self.parameters.frame_of[item]
+            frame = self._layout.frame_of[item]
             if frame < 0:
                 continue
-            own = np.flatnonzero(items == item)
-            R = motion.R_WL[self._on[item]][:, :, push.pose[own]].transpose(2, 0, 1)
+            own = consecutive(np.flatnonzero(items == item))
+            R = at_samples(motion.R_WL[self._on[item]], push.pose[own])
             columns = J[6 * frame : 6 * frame + 6]
-            columns[3:, own] += np.moveaxis(sign * (push.shift[own] @ R), -1, 0)
-            about = push.turn_of(own, None if origin is None else origin[own])
+            shift = sign * push.shift_first[:, :, own]
+            columns[3:, own] += dot_first(shift[:, None], R[:, :, None]).swapaxes(1, 2)
+            about = None if push.turn is None else sign * push.turn[own].transpose(2, 1, 0)
+            if origin is not None:
+                across = cross((push.p_WM[own] - origin[own]).T[:, None], shift)
+                about = across if about is None else across + about
             if about is not None:
-                columns[:3, own] += np.moveaxis(sign * (about @ (R @ slopes[frame])), -1, 0)
+                axes = dot_first(R.swapaxes(0, 1)[:, :, None], slopes[frame][:, None, :, None])
+                columns[:3, own] += dot_first(about[:, None], axes[:, :, None]).swapaxes(1, 2)

@@ -68,8 +68,10 @@ def _by_free_cameras(residuals: TreeResiduals, values: NDArray, mirror: str) -> 
     tree = residuals.parameters.tree_of(values)
     motion, plane = residuals.motion(tree), tree.mirror(mirror).plane
     seeing = [rows for rows in residuals.observations.sensors if rows.mirror == mirror]
-    out = np.zeros((len(residuals.observations.row), 6 * len(seeing)))
-    for c, rows in enumerate(seeing):
+    cameras = sorted({rows.sensor for rows in seeing})
+    out = np.zeros((len(residuals.observations.row), 6 * len(cameras)))
+    for rows in seeing:
+        c = cameras.index(rows.sensor)
         shown, R_SW, p_WM, _ = residuals.show(tree, motion, rows)
         shift, p_WV = shown.by_point @ R_SW, reflect(plane, p_WM)
         turn = -shift @ skew(p_WV - p_WV.mean(axis=0))

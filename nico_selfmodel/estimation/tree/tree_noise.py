@@ -1,4 +1,4 @@
-"""Which noise of sensors and joints the residuals of a body ask for."""
+"""What disturbs a recording, by what an adjustment leaves of it."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from nico_selfmodel.estimation.noise.variance_components import (
     LinearResiduals,
     VarianceSearch,
 )
-from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeLinear
+from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
 from nico_selfmodel.model.tree.body_tree import WHOLE_POSES
@@ -45,6 +45,7 @@ def likeliest_noise(
         data.noise_group[:, None],
         slipped,
         information,
+        linear.taken,
     )
     group, counts = _joint_groups(data)
     kept = groups.rows

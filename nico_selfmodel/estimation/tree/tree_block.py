@@ -1,0 +1,76 @@
+"""Residuals of a body by what is free of it, as a program solves them."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.noise.pose_noise import PoseWhitening
+from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
+from nico_selfmodel.least_squares import NormalEquations
+from nico_selfmodel.optimization.residual_block import SummedBlock
+
+if TYPE_CHECKING:
+    from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
+
+
+class TreeBlock(SummedBlock):
+    """Residuals by the free parameters alone, whitened or weighed by sensor."""
+
+    def __init__(
+        self,
+        problem: "TreeProblem",
+        values: NDArray,
+        whitening: PoseWhitening | None,
+        pulled: NDArray | None = None,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            problem: What is solved.
+            values: Of all parameters; those that are not free stay. Shape (P,).
+            whitening: Of poses; each sensor is weighed by itself if None.
+            pulled: `TreeLinear.pulled` where the weights are from. Shape (R,).
+        """
+        self._pulled = pulled
+        self._problem, self._values, self._whitening = problem, values, whitening
+        self.names = problem.free_names
+        tree = problem.residuals.parameters.tree_of(values)
+        self._start = problem.residuals.whole_poses(tree, problem.poses)
+        keep = np.ones(len(problem.observations.row), dtype=bool)
+        if whitening is not None:
+            keep[:] = False
+            keep[whitening.groups.rows] = True
+        self._apart = PosesApart.of(problem.observations, keep)
+
+    def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
+        """Return residuals, shape (1, R), and derivatives, shape (p, 1, R)."""
+        both = self._scaled(x)
+        r, J = both[:1], both[1:, None]
+        return (r, J) if self._whitening is None else self._whitening.whiten(r, J)
+
+    def normal_equations(self, x: NDArray) -> NormalEquations:
+        """Return cost, gradient and Gauss-Newton matrix from one product of all columns."""
+        rows = self._scaled(x).T
+        if self._whitening is not None:
+            groups = self._whitening.groups
+            white = self._whitening.root(groups.gather(rows[:, None]))
+            weighed = np.sqrt(groups.weight)[:, None, None] * white
+            rows = weighed.reshape(-1, rows.shape[1])
+        sums = rows.T @ rows
+        return 0.5 * float(sums[0, 0]), sums[1:, 0], sums[1:, 1:]
+
+    def _scaled(self, x: NDArray) -> NDArray:
+        """Return residuals, then derivatives, in their sensors' sigmas. Shape (1 + p, R)."""
+        problem = self._problem
+        values = self._values.copy()
+        values[problem.columns] = x
+        linear = problem.linear_at(values, self._start)
+        r = linear.r
+        if linear.pulled is not None and self._pulled is not None:
+            # Frozen like the weights: what is left then has the derivatives J.
+            r = r + linear.pulled - self._pulled
+        linear = replace(linear, r=r, J=linear.J[problem.columns])
+        linear = self._apart.eliminated(linear, problem.scale)
+        return np.concatenate([linear.r[None], linear.J]) / problem.scale
