@@ -1,6 +1,5 @@
 """samples.csv: one row per pose and tracked point."""
 
-import math
 import warnings
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -19,7 +18,7 @@ from nico_selfmodel.dataset.columns import (
 from nico_selfmodel.dataset.csv_table import CsvTable
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.row_checks import check_rows
-from nico_selfmodel.files.csv_cells import quoted_cell, safe_cell
+from nico_selfmodel.files.csv_cells import number_cells, table_text, text_cells
 from nico_selfmodel.names import did_you_mean
 
 _OPTIONAL = ("sweep", "marker", "mirror", *POINT_COLUMNS, *PIXEL_COLUMNS)
@@ -78,14 +77,14 @@ def samples_text(dataset: Dataset) -> str:
         Contents of `samples.csv`.
     """
     columns: dict[str, Iterable[str]] = {
-        "sample": [str(number) for number in dataset.sample.tolist()],
-        "sweep": map(safe_cell, dataset.sweep.tolist()),
-        "marker": map(safe_cell, dataset.marker.tolist()),
+        "sample": map(str, dataset.sample.tolist()),
+        "sweep": text_cells(dataset.sweep.tolist()),
+        "marker": text_cells(dataset.marker.tolist()),
     }
     if (dataset.mirror != "").any():
-        columns["mirror"] = map(safe_cell, dataset.mirror.tolist())
+        columns["mirror"] = text_cells(dataset.mirror.tolist())
     for name, readings in zip(dataset.joint_names, dataset.encoders.T, strict=True):
-        columns[f"{ENCODER}.{name}"] = _cells(readings)
+        columns[f"{ENCODER}.{name}"] = number_cells(readings)
     if dataset.approach.any():
         for name, side in zip(dataset.joint_names, dataset.approach.T, strict=True):
             columns[f"{APPROACH}.{name}"] = map(str, side.tolist())
@@ -95,10 +94,9 @@ def samples_text(dataset: Dataset) -> str:
         (PIXEL_COLUMNS[2:], dataset.pixels[:, 2:]),
     ):
         if np.isfinite(values).any():
-            columns.update(zip(names, map(_cells, values.T), strict=True))
-    columns |= {name: map(safe_cell, cells) for name, cells in dataset.extra.items()}
-    rows = [map(safe_cell, columns), *zip(*columns.values(), strict=True)]
-    return "".join(",".join(map(quoted_cell, row)) + "\n" for row in rows)
+            columns.update(zip(names, map(number_cells, values.T), strict=True))
+    columns |= {name: text_cells(cells) for name, cells in dataset.extra.items()}
+    return table_text(columns)
 
 
 def _texts(table: CsvTable, column: str) -> npt.NDArray[np.str_]:
@@ -127,7 +125,3 @@ def _warn_of_misspelt(table: CsvTable, extra: Iterable[str], optional: Sequence[
         hint = did_you_mean(name, absent, likeness=0.8)
         if hint:
             warnings.warn(f"{table.path}: column {name!r} is kept but not used{hint}", stacklevel=5)
-
-
-def _cells(values: npt.NDArray[np.float64]) -> list[str]:
-    return ["" if math.isnan(value) else repr(value) for value in values.tolist()]
