@@ -10,14 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from nico_selfmodel.dataset.columns import PIXEL_COLUMNS, POINT_COLUMNS, SIDES_OF_APPROACH
+from nico_selfmodel.dataset.plain_table import plain_columns, plain_integers, plain_numbers
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.files.csv_rows import (
-    parse_number,
-    plain_columns,
-    plain_integers,
-    plain_numbers,
-    rows_of_text,
-)
+from nico_selfmodel.files.csv_rows import parse_number, rows_of_text
 from nico_selfmodel.files.reading import LARGEST_TABLE, read_text
 from nico_selfmodel.names import found_instead, listed
 

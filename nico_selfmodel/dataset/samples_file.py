@@ -84,7 +84,7 @@ def samples_text(dataset: Dataset) -> str:
     if (dataset.mirror != "").any():
         columns["mirror"] = text_cells(dataset.mirror.tolist())
     for name, readings in zip(dataset.joint_names, dataset.encoders.T, strict=True):
-        columns[f"{ENCODER}.{name}"] = number_cells(readings)
+        columns[f"{ENCODER}.{name}"] = number_cells(readings.tolist())
     if dataset.approach.any():
         for name, side in zip(dataset.joint_names, dataset.approach.T, strict=True):
             columns[f"{APPROACH}.{name}"] = map(str, side.tolist())
@@ -94,7 +94,7 @@ def samples_text(dataset: Dataset) -> str:
         (PIXEL_COLUMNS[2:], dataset.pixels[:, 2:]),
     ):
         if np.isfinite(values).any():
-            columns.update(zip(names, map(number_cells, values.T), strict=True))
+            columns.update(zip(names, map(number_cells, values.T.tolist()), strict=True))
     columns |= {name: text_cells(cells) for name, cells in dataset.extra.items()}
     return table_text(columns)
 

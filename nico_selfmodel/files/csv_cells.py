@@ -7,8 +7,6 @@ it (CWE-1236); an apostrophe before it makes it text. Reading takes the apostrop
 import re
 from collections.abc import Iterable, Mapping
 
-from numpy.typing import NDArray
-
 _STARTS = ("=", "+", "-", "@", "\t")
 _SPECIAL = re.compile('[,"\r\n]')
 _NUMBER = re.compile(r"[-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?")
@@ -41,13 +39,9 @@ def text_cells(texts: Iterable[str]) -> list[str]:
     return [written[text] for text in texts]
 
 
-def number_cells(values: NDArray) -> list[str]:
-    """Return numbers as they stand in the file: to the last bit, and nan as an empty cell.
-
-    Args:
-        values: Shape (N,).
-    """
-    return ["" if value != value else repr(value) for value in values.tolist()]
+def number_cells(values: Iterable[float]) -> list[str]:
+    """Return numbers as they stand in the file: to the last bit, and nan as an empty cell."""
+    return ["" if value != value else repr(value) for value in values]
 
 
 def table_text(columns: Mapping[str, Iterable[str]]) -> str:

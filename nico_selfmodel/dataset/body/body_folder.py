@@ -280,9 +280,9 @@ def _poses_text(data: BodyDataset) -> str:
     for i, joint in enumerate(data.joints):
         if joint.motion == FLANGE:
             for name, column in zip(_POSE, flanges[:, i].T, strict=True):
-                columns[f"flange.{joint.name}.{name}"] = number_cells(column)
+                columns[f"flange.{joint.name}.{name}"] = number_cells(column.tolist())
         elif joint.is_read:
-            columns[f"{ENCODER}.{joint.name}"] = number_cells(data.readings[:, i])
+            columns[f"{ENCODER}.{joint.name}"] = number_cells(data.readings[:, i].tolist())
     approach = np.asarray(data.approach)
     if approach.any():
         for joint, side in zip(data.joints, approach.T, strict=True):
@@ -312,5 +312,5 @@ def _observations_text(data: BodyDataset) -> str:
         del columns["other"]
     if not data.mirrors:
         del columns["mirror"]
-    columns |= {k: number_cells(v) for k, v in by_name.items() if np.isfinite(v).any()}
+    columns |= {k: number_cells(v.tolist()) for k, v in by_name.items() if np.isfinite(v).any()}
     return table_text(columns)

@@ -9,14 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nico_selfmodel.dataset.plain_table import plain_columns, plain_integers, plain_numbers
 from nico_selfmodel.files.csv_cells import number_cells, table_text, text_cells
-from nico_selfmodel.files.csv_rows import (
-    parse_number,
-    plain_columns,
-    plain_integers,
-    plain_numbers,
-    rows_of_text,
-)
+from nico_selfmodel.files.csv_rows import parse_number, rows_of_text
 
 ODD = st.text(st.sampled_from("019.-+eE_ naif\n,\"'\r"), max_size=5)
 
@@ -78,7 +73,7 @@ def test_whole_numbers_are_read_at_once_but_for_odd_ones():
 
 @given(st.lists(st.text(max_size=5), min_size=1, max_size=3), st.floats(allow_nan=True))
 def test_a_table_that_was_written_reads_back(texts, number):
-    columns = {"text": text_cells(texts), "value": number_cells(np.full(len(texts), number))}
+    columns = {"text": text_cells(texts), "value": number_cells([number] * len(texts))}
     text = table_text(columns)
     rows = list(csv.reader(io.StringIO(text, newline=""), strict=True))
     assert rows[0] == ["text", "value"]
