@@ -1,7 +1,7 @@
 """samples.csv: one row per pose and tracked point."""
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,8 @@ from nico_selfmodel.dataset.row_checks import check_rows
 from nico_selfmodel.files.csv_cells import number_cells, table_text, text_cells
 from nico_selfmodel.names import did_you_mean
 
+_PIECE = 50_000
+"""Rows that are written at once."""
 _OPTIONAL = ("sweep", "marker", "mirror", *POINT_COLUMNS, *PIXEL_COLUMNS)
 
 
@@ -76,27 +78,39 @@ def samples_text(dataset: Dataset) -> str:
     Returns:
         Contents of `samples.csv`.
     """
-    columns: dict[str, Iterable[str]] = {
-        "sample": map(str, dataset.sample.tolist()),
-        "sweep": text_cells(dataset.sweep.tolist()),
-        "marker": text_cells(dataset.marker.tolist()),
-    }
-    if (dataset.mirror != "").any():
-        columns["mirror"] = text_cells(dataset.mirror.tolist())
-    for name, readings in zip(dataset.joint_names, dataset.encoders.T, strict=True):
-        columns[f"{ENCODER}.{name}"] = number_cells(readings.tolist())
-    if dataset.approach.any():
-        for name, side in zip(dataset.joint_names, dataset.approach.T, strict=True):
-            columns[f"{APPROACH}.{name}"] = map(str, side.tolist())
-    for names, values in (
-        (POINT_COLUMNS, dataset.p_WH_measured),
-        (PIXEL_COLUMNS[:2], dataset.pixels[:, :2]),
-        (PIXEL_COLUMNS[2:], dataset.pixels[:, 2:]),
-    ):
-        if np.isfinite(values).any():
-            columns.update(zip(names, map(number_cells, values.T.tolist()), strict=True))
-    columns |= {name: text_cells(cells) for name, cells in dataset.extra.items()}
-    return table_text(columns)
+    return "".join(samples_pieces(dataset))
+
+
+def samples_pieces(dataset: Dataset) -> Iterator[str]:
+    """Yield what `samples_text` returns piece by piece, so that no more is held at once."""
+    has_mirror, has_approach = (dataset.mirror != "").any(), dataset.approach.any()
+    measured = [
+        (names, values)
+        for names, values in (
+            (POINT_COLUMNS, dataset.p_WH_measured),
+            (PIXEL_COLUMNS[:2], dataset.pixels[:, :2]),
+            (PIXEL_COLUMNS[2:], dataset.pixels[:, 2:]),
+        )
+        if np.isfinite(values).any()
+    ]
+    for start in range(0, max(len(dataset), 1), _PIECE):
+        own = slice(start, start + _PIECE)
+        columns: dict[str, Iterable[str]] = {
+            "sample": map(str, dataset.sample[own].tolist()),
+            "sweep": text_cells(dataset.sweep[own].tolist()),
+            "marker": text_cells(dataset.marker[own].tolist()),
+        }
+        if has_mirror:
+            columns["mirror"] = text_cells(dataset.mirror[own].tolist())
+        for name, readings in zip(dataset.joint_names, dataset.encoders[own].T, strict=True):
+            columns[f"{ENCODER}.{name}"] = number_cells(readings.tolist())
+        if has_approach:
+            for name, side in zip(dataset.joint_names, dataset.approach[own].T, strict=True):
+                columns[f"{APPROACH}.{name}"] = map(str, side.tolist())
+        for names, values in measured:
+            columns.update(zip(names, map(number_cells, values[own].T.tolist()), strict=True))
+        columns |= {name: text_cells(cells[own]) for name, cells in dataset.extra.items()}
+        yield table_text(columns, heading=start == 0)
 
 
 def _texts(table: CsvTable, column: str) -> npt.NDArray[np.str_]:

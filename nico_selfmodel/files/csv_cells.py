@@ -44,17 +44,19 @@ def number_cells(values: Iterable[float]) -> list[str]:
     return ["" if value != value else repr(value) for value in values]
 
 
-def table_text(columns: Mapping[str, Iterable[str]]) -> str:
+def table_text(columns: Mapping[str, Iterable[str]], *, heading: bool = True) -> str:
     """Return a table as text.
 
     Args:
         columns: Heading -> cells as they stand in the file (`text_cells`, `number_cells`).
+        heading: Begin with the line of headings; not where rows go on.
 
     Raises:
         ValueError: If columns differ in length.
     """
     rows = map(",".join, zip(*columns.values(), strict=True))
-    return "\n".join([",".join(text_cells(columns)), *rows, ""])
+    first = [",".join(text_cells(columns))] if heading else []
+    return "\n".join([*first, *rows, ""])
 
 
 def _is_guarded(cell: str) -> bool:
