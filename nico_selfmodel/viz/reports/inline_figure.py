@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 from nico_selfmodel.viz.figures import palette, plot_style
-from nico_selfmodel.viz.figures.room_of_axes import bounds_in_points
-from nico_selfmodel.viz.figures.single_pass_layout import SinglePassLayout
+from nico_selfmodel.viz.figures.layout.room_of_axes import bounds_in_points
+from nico_selfmodel.viz.figures.layout.single_pass_layout import SinglePassLayout
 
 _COLOURS = {
     palette.INK: "ink",

@@ -78,7 +78,10 @@ def _beside(
     low = axis.get_label_position() in ("bottom", "left")
     out = 1 - across  # the direction in which labels stand off the panel
     reach = inner.frozen().get_points()
-    pad = axis.get_tick_padding() * renderer.points_to_pixels(1.0)
+    figure = axis.get_figure(root=True)
+    assert figure is not None
+    point = figure.dpi / 72.0
+    pad = point * axis.get_tick_padding()
     reach[0 if low else 1, out] += -pad if low else pad
     ticks = Bbox(reach)
     written = [text.get_window_extent(renderer) for text in _tick_labels(axis, across)]
@@ -86,7 +89,7 @@ def _beside(
     label = axis.label
     if not (label.get_visible() and label.get_text()):
         return
-    off = axis.labelpad * renderer.points_to_pixels(1.0)
+    off = point * axis.labelpad
     ends = Bbox.union([ticks, *written]).get_points()
     stands = ends[0, out] - off if low else ends[1, out] + off
     place = list(label.get_position())
@@ -98,7 +101,7 @@ def _beside(
 
 def _tick_labels(axis: Axis, across: int) -> list[Text]:
     """Return the labels of an axis that are drawn: those of ticks within what it shows."""
-    low, high = sorted(axis.get_view_interval().tolist())
+    low, high = sorted(map(float, axis.get_view_interval()))
     slack = 1e-9 * (high - low)
     labels = [*axis.get_majorticklabels(), *(tick.label1 for tick in axis.minorTicks)]
     return [

@@ -13,7 +13,7 @@ from matplotlib.layout_engine import LayoutEngine
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
-from nico_selfmodel.viz.figures.room_of_axes import bounds_in_points, bounds_of, measuring
+from nico_selfmodel.viz.figures.layout.room_of_axes import bounds_in_points, bounds_of, measuring
 
 _PAD, _HEADLINE = 0.06, 0.32
 """Room around each panel with its labels, and for a line of headline [inch]."""
