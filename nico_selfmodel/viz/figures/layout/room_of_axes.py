@@ -44,17 +44,20 @@ def bounds_of(axes: Axes, renderer: RendererBase, *, for_layout: bool = False) -
         renderer: What measures text.
         for_layout: Leave out lengths of labels and titles, which no more room would mend.
     """
-    if axes.name != "rectilinear" or axes.child_axes or not axes.axison:
+    if axes.name != "rectilinear" or not axes.axison:
         found = axes.get_tightbbox(renderer, for_layout_only=for_layout)
         return axes.get_window_extent() if found is None else found
-    axes.apply_aspect()
+    place = axes.get_axes_locator()
+    axes.apply_aspect(None if place is None else place(axes, renderer))
     inner = axes.get_window_extent()
     boxes = [inner]
     for k, axis in enumerate((axes.xaxis, axes.yaxis)):
         if axis.get_visible():
             boxes += _beside(axis, k, inner, renderer, for_layout=for_layout)
     for artist in axes.get_default_bbox_extra_artists():
-        if not isinstance(artist, Spine):  # whose ticks were counted with the axis
+        if isinstance(artist, Axes):
+            boxes.append(bounds_of(artist, renderer))
+        elif not isinstance(artist, Spine):  # whose ticks were counted with the axis
             boxes += _some(artist.get_tightbbox(renderer))
     for text in axes.get_children():
         if isinstance(text, Text) and text not in axes.texts and text.get_text():
