@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import typer
 from rich.console import Console
 from rich.measure import Measurement
-from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
-from rich.progress import Progress as Bars
 from rich.table import Table
 from rich.text import Text
 
@@ -72,6 +70,10 @@ def progress_bar() -> Iterator[Progress]:
     if not console.is_terminal or talk is Talk.VERBOSE:
         yield _line_a_stage()
         return
+    # Of all that draws on a terminal this is the slowest to load.
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bars
+
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Bars(*columns, console=console) as bars:
         tasks: dict[str, Any] = {}

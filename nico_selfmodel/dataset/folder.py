@@ -7,7 +7,7 @@ from pathlib import Path
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.metadata_file import metadata_text, read_metadata
 from nico_selfmodel.dataset.plausibility import check_plausible, warn_of_units
-from nico_selfmodel.dataset.samples_file import read_samples, samples_text
+from nico_selfmodel.dataset.samples_file import read_samples, samples_pieces, samples_text
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.reading import real_path
 from nico_selfmodel.files.whole import folder_in_place_of
@@ -93,8 +93,10 @@ def content_hash(dataset: Dataset) -> str:
     Returns:
         64 hexadecimal digits.
     """
-    texts = (metadata_text(dataset), samples_text(dataset))
-    return hashlib.sha256("\0".join(texts).encode()).hexdigest()
+    found = hashlib.sha256(metadata_text(dataset).encode() + b"\0")
+    for piece in samples_pieces(dataset):
+        found.update(piece.encode())
+    return found.hexdigest()
 
 
 def _check_target(folder: Path, force: bool) -> None:

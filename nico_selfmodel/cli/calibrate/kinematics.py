@@ -8,7 +8,6 @@ import typer
 from nico_selfmodel.cli import options, printer
 from nico_selfmodel.cli.calibrate.arm_task import ArmTask
 from nico_selfmodel.cli.result_files import command_line
-from nico_selfmodel.parallel import Workers
 
 
 def kinematics(
@@ -75,6 +74,7 @@ def kinematics(
     if test is not None or name is not None:
         raise ValueError("--test and --name are for one data set: take --test-fraction for many")
     from nico_selfmodel.cli.calibrate.many import calibrate_many, recordings_in
+    from nico_selfmodel.parallel import Workers
 
     recordings, workers = recordings_in(dataset), Workers(processes, dask)
     calibrate_many(recordings, task, workers, out, force=force, as_json=as_json)
