@@ -47,7 +47,7 @@ def monitor(
     report = check_health(known, data, sensor)
     document = health_document(report)
     _tell(known.name, document, model, dataset, as_json=as_json)
-    if out is None or report.healthy:
+    if out is None or not report.diagnoses:
         printer.end(document)
     cause = report.diagnoses[0].hypothesis
     update = relearn_cause(known, data, report, sensor)
@@ -90,7 +90,7 @@ def _monitor_body(
     report = check_body_health(known, data)
     document = health_document(report)
     _tell(known.name, document, model, dataset, as_json=as_json)
-    if out is None or report.healthy:
+    if out is None or not report.diagnoses:
         printer.end(document)
     relearned = any_body.written(relearn_body(known, data, report), out, force=force)
     if not as_json:
@@ -133,9 +133,10 @@ def remedy(parameters: Sequence[str], model: Path, dataset: Path) -> str:
 
 
 def _print(name: str, document: Mapping[str, Any]) -> None:
-    found = document["log_ratio"]
+    found, against = document["log_ratio"], document["contradicting"]
     rows = [
-        ["innovation squared, a coordinate", f"{document['nis_per_coordinate']:.2f}", "1"],
+        ["innovation squared, a coordinate (about 1)", f"{document['nis_per_coordinate']:.2f}", ""],
+        ["poses that contradict", f"{len(against['samples'])}", f"{against['most']}"],
         ["ln R (Shiryaev, Roberts)", f"{found['largest']:.1f}", f"{found['threshold']:.0f}"],
     ]
     printer.table(f"{name}: {document['poses']} poses", ("", "found", "limit"), rows)

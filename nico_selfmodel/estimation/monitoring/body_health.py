@@ -12,6 +12,7 @@ from nico_selfmodel.estimation.monitoring.body_causes import body_causes, body_c
 from nico_selfmodel.estimation.monitoring.change_likelihood import root_of
 from nico_selfmodel.estimation.monitoring.diagnosis import ranked_causes
 from nico_selfmodel.estimation.monitoring.health import HealthReport, in_turn, watched
+from nico_selfmodel.estimation.noise.contradictions import LEAST_SHARE
 from nico_selfmodel.estimation.noise.hand_observations import laid_out
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeLinear, TreeResiduals
@@ -21,9 +22,9 @@ from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.model.noise_mixture import NoiseMixture
 from nico_selfmodel.model.tree.body_model import BodyModel
 
-_WIDER, _TAIL_SHARE, _OUTLIER_SHARE = 3.0, 0.05, 0.005
+_WIDER, _TAIL_SHARE = 3.0, 0.05
 """A body says what noise is usual. Rarer noise is taken so many times as wide, and of so large a
-share of the poses; shares of false detections."""
+share of the poses."""
 _DIRECTIONS = 30
 """Of what a body is uncertain by, that count."""
 _ABOUT = 100
@@ -51,7 +52,8 @@ def check_body_health(model: BodyModel, data: BodyDataset) -> HealthReport:
         whole = laid_out(model.covariance.names, model.covariance.matrix, poses.names)
         covariance = _leading(poses, whole)
     causes = body_causes(model.tree, poses.names)
-    report = watched(poses, noise, covariance, body_changes(model.tree, causes))
+    changes, share = body_changes(model.tree, causes), false_share(poses.dof // 2)
+    report = watched(poses, noise, covariance, changes, share)
     if report.alarm_at is None or report.changed_at is None:
         return report
     since, found = in_turn(
@@ -60,6 +62,15 @@ def check_body_health(model: BodyModel, data: BodyDataset) -> HealthReport:
         report.alarm_at,
     )
     return replace(report, changed_at=since, diagnoses=found)
+
+
+def false_share(detections: NDArray) -> float:
+    """Return the share of poses in which a sensor is to be expected to be wrong, 1 - (1 - g)^n.
+
+    Args:
+        detections: How many each pose has, any of which may be false, n. Shape (N,).
+    """
+    return float(np.mean(1.0 - (1.0 - LEAST_SHARE) ** detections))
 
 
 def _leading(poses: PoseResiduals, covariance: NDArray) -> NDArray:
@@ -92,7 +103,7 @@ def expected_body_noise(model: BodyModel, data: BodyDataset) -> NoiseMixture:
     sensor = float(np.sqrt(np.mean(np.square(known[0]))))
     joint = float(np.sqrt(np.mean(np.square(known[1])))) if known[1] else 0.0
     wider = (_WIDER * sensor, _WIDER * joint)
-    return NoiseMixture(sensor, joint, *wider, _TAIL_SHARE, _OUTLIER_SHARE, _ABOUT)
+    return NoiseMixture(sensor, joint, *wider, _TAIL_SHARE, LEAST_SHARE, _ABOUT)
 
 
 def body_poses(model: BodyModel, data: BodyDataset) -> PoseResiduals:

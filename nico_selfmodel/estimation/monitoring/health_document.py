@@ -9,7 +9,7 @@ _CAUSES_SHOWN = 5
 
 def health_document(report: HealthReport) -> dict[str, Any]:
     """Return a health report as plain data; `status` is FAIL where something changed."""
-    chance = report.false_alarm_chance
+    chance, against = report.false_alarm_chance, report.contradictions
     reasons = [
         f"{len(report.nis)} poses fit what is known of the body; with noise as in the "
         f"{report.noise.poses} poses that it was learned from, at most {100.0 * chance:.2g} % of "
@@ -24,6 +24,13 @@ def health_document(report: HealthReport) -> dict[str, Any]:
         ]
         if not report.sure:
             reasons.append("few poses since: the cause may be another, record 10 or more")
+    elif against.too_many:
+        reasons = [
+            f"{against.words}, and no one change explains them: look for labels exchanged, wrong "
+            "detections, and pictures and readings that do not belong together"
+        ]
+    elif against.count:
+        reasons.append(against.words)
     return {
         "status": "PASS" if report.healthy else "FAIL",
         "reasons": reasons,
@@ -31,6 +38,10 @@ def health_document(report: HealthReport) -> dict[str, Any]:
         "nis_per_coordinate": float(report.nis.sum() / report.dof.sum()),
         "log_ratio": {"largest": float(report.log_ratio.max()), "threshold": report.threshold},
         "false_alarm_chance": chance,
+        "contradicting": {
+            "samples": report.sample[against.found].tolist(),
+            "most": against.most,
+        },
         "changed_at": _sample(report, report.changed_at),
         "alarm_at": _sample(report, report.alarm_at),
         "causes": [
