@@ -6,13 +6,19 @@ from math import comb
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation.model_verdict import judge_evaluation
+from nico_selfmodel.estimation.model_verdict import judge_body_errors, judge_evaluation
+from nico_selfmodel.estimation.monitoring.body_contradictions import body_contradictions
+from nico_selfmodel.estimation.monitoring.body_health import check_body_health
 from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.estimation.monitoring.health_document import health_document
 from nico_selfmodel.estimation.noise.contradictions import most_expected
 from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
+from nico_selfmodel.estimation.tree.tree_errors import errors_of
+from nico_selfmodel.estimation.tree.tree_result import errors_of_tree
+from nico_selfmodel.model.tree.body_model import BodyModel
 
 from .simulated_bodies import body, learned, only_cameras, poses
+from .simulated_trees import one_arm
 
 
 @pytest.fixture(scope="module")
@@ -56,3 +62,57 @@ def test_as_many_as_false_detections_explain_pass_and_are_named(model):
     document = health_document(check_health(model, data))
     assert document["status"] == "PASS"
     assert f"samples {wrong[0]}, {wrong[1]}" in document["reasons"][-1]
+
+
+def test_a_tenth_of_the_poses_off_here_and_there_fails_the_evaluation_by_number(model):
+    data, wrong = spoilt(9)
+    verdict = judge_evaluation(model, data, evaluate_pixels(model, data))
+    assert verdict.status == "FAIL"
+    assert "9 of 90 poses are further off" in verdict.reasons[0]
+    assert f"samples {wrong[0]}, {wrong[1]}" in verdict.reasons[0]
+
+
+def test_as_many_as_false_detections_explain_pass_the_evaluation(model):
+    data, wrong = spoilt(2)
+    verdict = judge_evaluation(model, data, evaluate_pixels(model, data))
+    assert verdict.status == "PASS"
+    assert f"samples {wrong[0]}, {wrong[1]}" in verdict.reasons[0]
+
+
+def tree_of(sensor, poses=60, share=0.0):
+    """Return a body that is known, and a recording of it with a share of its poses off."""
+    made = one_arm(3, markers=3, poses=poses, sensor=sensor)
+    noise = {s.name: 2e-4 if sensor == "points" else 0.3 for s in made.tree.sensors}
+    noise |= dict.fromkeys(made.tree.joints, float(np.radians(0.2)))
+    table = made.data.observations
+    wrong = np.linspace(2, poses - 3, round(share * poses)).astype(int)
+    values = table.values.copy()
+    values[np.isin(table.pose, wrong), 0] += 0.05 if sensor == "points" else 40.0
+    errors = errors_of_tree(errors_of(made.tree, made.data))
+    median = {"median": float(np.median(errors.compared)), "n": poses}
+    body = BodyModel("arm", made.tree, np.ones(5), noise=noise, expected={errors.unit: median})
+    return body, replace(made.data, observations=replace(table, values=values)), wrong
+
+
+@pytest.mark.parametrize("sensor", ["points", "camera"])
+def test_a_whole_body_with_a_fifth_of_its_poses_off_fails_the_evaluation(sensor):
+    body, data, wrong = tree_of(sensor, share=0.2)
+    against = body_contradictions(body, data)
+    assert against.sample[against.found].tolist() == wrong.tolist()
+    verdict = judge_body_errors(body, errors_of_tree(errors_of(body.tree, data)), against)
+    assert verdict.status == "FAIL"
+    assert "12 of 60 poses are further off than noise explains" in verdict.reasons[0]
+    body, data, _ = tree_of(sensor)
+    sound = judge_body_errors(
+        body, errors_of_tree(errors_of(body.tree, data)), body_contradictions(body, data)
+    )
+    assert sound.status == "PASS"
+
+
+def test_a_whole_body_with_a_fifth_of_its_poses_off_fails_the_monitor():
+    body, data, wrong = tree_of("camera", share=0.2)
+    document = health_document(check_body_health(body, data))
+    assert document["status"] == "FAIL"
+    assert document["contradicting"]["samples"] == wrong.tolist()
+    body, data, _ = tree_of("camera")
+    assert check_body_health(body, data).healthy

@@ -3,6 +3,7 @@
 from typing import Any
 
 from nico_selfmodel.estimation.monitoring.health import HealthReport
+from nico_selfmodel.estimation.noise.contradictions import WHERE_TO_LOOK
 
 _CAUSES_SHOWN = 5
 
@@ -25,10 +26,7 @@ def health_document(report: HealthReport) -> dict[str, Any]:
         if not report.sure:
             reasons.append("few poses since: the cause may be another, record 10 or more")
     elif against.too_many:
-        reasons = [
-            f"{against.words}, and no one change explains them: look for labels exchanged, wrong "
-            "detections, and pictures and readings that do not belong together"
-        ]
+        reasons = [f"{against.words}, and no one change explains them: {WHERE_TO_LOOK}"]
     elif against.count:
         reasons.append(against.words)
     return {

@@ -23,6 +23,11 @@ from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 
 LEAST_SHARE = 0.005
 """Share of false detections that any sensor has: a training that showed none excludes no more."""
+WHERE_TO_LOOK = (
+    "look for labels exchanged, wrong detections, an encoder that was not read, and measurements "
+    "and readings of different moments"
+)
+"""What poses that contradict here and there may come of."""
 _ACCIDENT = 1e-3
 """Chance below which so many contradicting poses are no accident."""
 
