@@ -61,10 +61,21 @@ def train_and_test(
     train = load_dataset(dataset)
     if fraction is not None:
         return train.split(fraction, seed)
-    held_out = None if test is None else load_dataset(test)
-    if held_out is not None and content_hash(held_out) == content_hash(train):
-        raise ValueError(f"--test {test} holds the training data: nothing would be held out")
+    if test is None:
+        return train, None
+    held_out = load_dataset(test)
+    refuse_training_data(test, content_hash(held_out), content_hash(train))
     return train, held_out
+
+
+def refuse_training_data(test: Path, held_out: str, train: str) -> None:
+    """Refuse test data that are the training data, by the hashes of both.
+
+    Raises:
+        ValueError: If they are the same.
+    """
+    if held_out == train:
+        raise ValueError(f"--test {test} holds the training data: nothing would be held out")
 
 
 def board(text: str, square_mm: float, tag_mm: float | None, family: str | None) -> "AnyBoard":

@@ -14,6 +14,8 @@ import yaml
 from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body_dataset
 from nico_selfmodel.model.tree.body_model import load_body, save_body
 
+from .one_line import assert_one_clear_line
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, project_root):
@@ -239,6 +241,16 @@ def test_a_wrong_observation_is_refused_with_its_line(folder, tmp_path, command,
 )
 def test_wrong_words_are_refused_in_one_line(folder, tmp_path, command, words, reason):
     assert reason in refused(command, folder / "two_arms", tmp_path, *words)
+
+
+@pytest.mark.parametrize("words", [("body", "two_arms"), ("hand-eye", "flange")])
+def test_training_data_are_refused_as_held_out_data(folder, tmp_path, command, words):
+    kind, data = words
+    done = command(
+        *("calibrate", kind, folder / data, "--test", folder / data, "--out", tmp_path / "out")
+    )
+    assert_one_clear_line(done, "holds the training data: nothing would be held out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_an_arm_with_encoders_is_no_hand_eye(folder, tmp_path, command):

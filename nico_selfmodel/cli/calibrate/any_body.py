@@ -181,14 +181,19 @@ def _train_and_test(
     dataset: Path, test: Path | None, fraction: float | None, seed: int
 ) -> "tuple[BodyDataset, BodyDataset | None]":
     """Load the training data, and what is held out of them or beside them."""
-    from nico_selfmodel.dataset.body.body_folder import load_body_dataset
+    from nico_selfmodel.cli.inputs import refuse_training_data
+    from nico_selfmodel.dataset.body.body_folder import body_content_hash, load_body_dataset
 
     if test is not None and fraction is not None:
         raise ValueError("give --test or --test-fraction, not both")
     train = load_body_dataset(dataset)
     if fraction is not None:
         return train.split(fraction, seed)
-    return train, None if test is None else load_body_dataset(test).like(train)
+    if test is None:
+        return train, None
+    held_out = load_body_dataset(test)
+    refuse_training_data(test, body_content_hash(held_out), body_content_hash(train))
+    return train, held_out.like(train)
 
 
 def _with_boards(
