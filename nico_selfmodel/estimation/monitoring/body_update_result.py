@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from nico_selfmodel.estimation.monitoring.block_update import update_words
 from nico_selfmodel.estimation.monitoring.body_relearning import BodyUpdate
-from nico_selfmodel.estimation.monitoring.update_result import OUTLIER_CAUSE, update_words
+from nico_selfmodel.estimation.monitoring.update_result import OUTLIER_CAUSE
 from nico_selfmodel.estimation.results.calibration_result import (
     FAILURE,
     CalibrationResult,
