@@ -12,6 +12,9 @@ import pytest
 import yaml
 
 from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body_dataset
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.self_model_file import save_model
 from nico_selfmodel.model.tree.body_model import load_body, save_body
 
 from .one_line import assert_one_clear_line
@@ -251,6 +254,14 @@ def test_training_data_are_refused_as_held_out_data(folder, tmp_path, command, w
     )
     assert_one_clear_line(done, "holds the training data: nothing would be held out")
     assert not (tmp_path / "out").exists()
+
+
+def test_lenses_of_other_cameras_alone_are_refused(folder, tmp_path, command):
+    lens = Camera(600.0, 600.0, 320.0, 240.0, (640, 480))
+    save_model(SelfModel("pair", cameras={"left": lens, "right": lens}), tmp_path / "pair.yaml")
+    reason = refused(command, folder / "two_arms", tmp_path, "--cameras", tmp_path / "pair.yaml")
+    assert "holds the cameras left, right" in reason
+    assert "has camera1, camera2: they are matched by name" in reason
 
 
 def test_an_arm_with_encoders_is_no_hand_eye(folder, tmp_path, command):

@@ -55,7 +55,7 @@ def calibrate(
     wishes = Wishes(FixedParameters.from_text(fix or (), free or ()), priors_of(prior or ()))
     may_bend, vertical = effects_of(effects), up_of(up)
     train, held_out = _train_and_test(dataset, test, test_fraction, seed)
-    lenses = _lenses(cameras)
+    lenses = _lenses(cameras, train)
     with printer.progress_bar() as progress:
         if boards is not None and board is not None:
             train = _with_boards(train, boards, board, progress)
@@ -218,11 +218,23 @@ def _with_boards(
     return with_boards(data, found.seen_views)
 
 
-def _lenses(path: Path | None) -> "dict[str, Camera]":
-    """Return the intrinsics of calibrated cameras, by name."""
+def _lenses(path: Path | None, data: "BodyDataset") -> "dict[str, Camera]":
+    """Return the intrinsics of calibrated cameras, by name; refuse those of others alone."""
+    from nico_selfmodel.dataset.body.sensors import CAMERA
+    from nico_selfmodel.errors import DataError
     from nico_selfmodel.model.self_model_file import load_model
+    from nico_selfmodel.names import listed
 
-    return {} if path is None else dict(load_model(path).cameras)
+    if path is None:
+        return {}
+    lenses = dict(load_model(path).cameras)
+    seeing = [sensor.name for sensor in data.sensors if sensor.kind == CAMERA]
+    if not set(lenses) & set(seeing):
+        raise DataError(
+            f"--cameras {path} holds the cameras {listed(lenses) or 'none'}, data set "
+            f"{data.name!r} has {listed(seeing) or 'none'}: they are matched by name"
+        )
+    return lenses
 
 
 def _described(robot: str, data: "BodyDataset", lenses: "dict[str, Camera]") -> "Description":
