@@ -23,6 +23,7 @@ from nico_selfmodel.cli import (
     import_csv,
     import_lerobot,
     import_vicon,
+    interruption,
     live,
     locate,
     markers,
@@ -169,15 +170,18 @@ def run() -> None:
     try:
         _refuse_empty(sys.argv[1:])
         code = command.main(prog_name="nico-selfmodel", standalone_mode=False)
+        if code == interruption.CODE:  # Typer took Ctrl-C, and said nothing
+            interruption.say_stopped()
     except (SelfModelError, ValueError, OSError) as error:
         sys.stdout.flush()
         code = _complain(_one_line(error))
     except MemoryError:
         code = _complain("there is not enough memory for this")
     except (KeyboardInterrupt, typer.Abort):
-        code = _complain("stopped", 130)
+        code = interruption.say_stopped()
     except Exception as error:
-        code = _usage(error)
+        stopped = interruption.was_stopped(error)
+        code = interruption.say_stopped() if stopped else _usage(error)
     raise SystemExit(code if isinstance(code, int) else 0)
 
 
