@@ -1,4 +1,4 @@
-"""What a command says when it is stopped by Ctrl-C, while modules load too. Imports nothing slow."""
+"""What a command says when Ctrl-C stops it, while modules load too; it imports nothing slow."""
 
 import sys
 
