@@ -166,6 +166,7 @@ def test_a_world_that_does_not_exist_is_explained(tmp_path, command):
         (("--fix", "right_elbow.r="), "--fix right_elbow.r=: '' is not a number"),
         ((*RIGHT_ARM, "--hold", "right_wrist=up"), "--hold right_wrist=up: 'up' is not a number"),
         (("--require-test-mm", "nan"), "--require-test-mm"),
+        (("--require-test-mm", "1"), "is a bound on held-out data: give --test or --test-fraction"),
         (("--require-test-mm", "-2"), "--require-test-mm"),
         ((*RIGHT_ARM, "--point", "ear=right_hand"), "tracks no 'ear'; it tracks hand"),
         ((*RIGHT_ARM, "--hold", "right_wrist=40"), "'right_wrist' cannot be held at 40 rad"),

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from nico_selfmodel.cli import printer
+from nico_selfmodel.cli import inputs, printer
 from nico_selfmodel.cli.result_files import stamped, write_with_report
 
 if TYPE_CHECKING:
@@ -52,6 +52,7 @@ def calibrate(
     from nico_selfmodel.result_folder.writing import write_result
 
     refuse_folder(out, force=force, inputs=[dataset, test, robot, cameras, boards])
+    inputs.refuse_untested(require_test_mm, require_test_px, test, test_fraction)
     wishes = Wishes(FixedParameters.from_text(fix or (), free or ()), priors_of(prior or ()))
     may_bend, vertical = effects_of(effects), up_of(up)
     train, held_out = _train_and_test(dataset, test, test_fraction, seed)
@@ -105,6 +106,7 @@ def calibrate_mirrors(
     from nico_selfmodel.estimation.tree.mirrors.body_mirrors import calibrate_body_mirrors
     from nico_selfmodel.model.tree.body_model import load_body
 
+    inputs.refuse_untested(None, require_test_px, test, test_fraction)
     body = load_body(model)
     train, held_out = _train_and_test(dataset, test, test_fraction, seed)
     with printer.progress_bar() as progress:
@@ -181,7 +183,6 @@ def _train_and_test(
     dataset: Path, test: Path | None, fraction: float | None, seed: int
 ) -> "tuple[BodyDataset, BodyDataset | None]":
     """Load the training data, and what is held out of them or beside them."""
-    from nico_selfmodel.cli.inputs import refuse_training_data
     from nico_selfmodel.dataset.body.body_folder import body_content_hash, load_body_dataset
 
     if test is not None and fraction is not None:
@@ -192,7 +193,7 @@ def _train_and_test(
     if test is None:
         return train, None
     held_out = load_body_dataset(test)
-    refuse_training_data(test, body_content_hash(held_out), body_content_hash(train))
+    inputs.refuse_training_data(test, body_content_hash(held_out), body_content_hash(train))
     return train, held_out.like(train)
 
 

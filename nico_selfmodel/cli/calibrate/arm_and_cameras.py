@@ -56,6 +56,7 @@ def calibrate(
     from nico_selfmodel.model.self_model_file import load_model
 
     refuse_folder(out, force=force, inputs=[dataset, model, boards, test, robot])
+    inputs.refuse_untested(require_test_mm, require_test_px, test, test_fraction)
     pins = FixedParameters.from_text(fix or (), free or ())
     may_bend, vertical = effects_of(effects), up_of(up)
     chosen = BodyOptions(stage, variant, pins.pinned, pins.freed, loss)

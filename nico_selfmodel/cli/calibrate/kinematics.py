@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import options, printer
+from nico_selfmodel.cli import inputs, options, printer
 from nico_selfmodel.cli.calibrate.arm_task import ArmTask
 from nico_selfmodel.cli.result_files import command_line
 from nico_selfmodel.parallel import Workers
@@ -50,6 +50,7 @@ def kinematics(
     from nico_selfmodel.files.whole import refuse_folder
 
     refuse_folder(out, force=force, inputs=[*dataset, test, robot, cameras])
+    inputs.refuse_untested(require_test_mm, None, test, test_fraction)
     task = ArmTask(
         *(test, test_fraction, seed, method, fix, free, loss, starts),
         *(
