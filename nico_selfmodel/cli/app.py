@@ -4,7 +4,7 @@ import io
 import logging
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Annotated, Any
 
@@ -265,10 +265,24 @@ def _usage(error: Exception) -> int:
     context = getattr(error, "ctx", None)
     path = context.command_path if context else "nico-selfmodel"
     message = " ".join(str(format_message()).split())
+    given = _given(getattr(getattr(error, "param", None), "opts", ()))
+    if message.startswith("Invalid value") and given is not None and given not in message:
+        message += f", got {given!r}"
+    message += "" if message.endswith((".", "?", "!")) else "."
     commands = getattr(context and context.command, "commands", None)
     if commands and message.startswith("No such command") and "Did you mean" not in message:
         message += f" There are {', '.join(commands)}."
     return _complain(f"{message} See: {path} --help")
+
+
+def _given(options: Sequence[str]) -> str | None:
+    """Return what the command line gives an option, under any of its names; None if nothing."""
+    given = None
+    for word, following in zip(sys.argv, [*sys.argv[1:], None], strict=True):
+        name, equals, value = word.partition("=")
+        if name in options:
+            given = value if equals else following
+    return given
 
 
 def _one_line(error: Exception) -> str:

@@ -25,7 +25,9 @@ def kinematics(
     loss: options.Loss = "trimmed",
     effects: options.Effects = "auto",
     up: options.Up = None,
-    starts: Annotated[int, typer.Option("--starts", min=0, help="Random starts allowed.")] = 10,
+    starts: Annotated[
+        int, typer.Option("--starts", min=0, max=1_000_000, help="Random starts allowed.")
+    ] = 10,
     robot: options.Robot = None,
     arm: options.Arm = None,
     base: options.Base = None,
