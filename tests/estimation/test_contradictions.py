@@ -11,6 +11,7 @@ from nico_selfmodel.estimation.monitoring.body_contradictions import body_contra
 from nico_selfmodel.estimation.monitoring.body_health import check_body_health
 from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.estimation.monitoring.health_document import health_document
+from nico_selfmodel.estimation.monitoring.relearning import left_by_cause
 from nico_selfmodel.estimation.noise.contradictions import most_expected
 from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
 from nico_selfmodel.estimation.tree.tree_errors import errors_of
@@ -116,3 +117,50 @@ def test_a_whole_body_with_a_fifth_of_its_poses_off_fails_the_monitor():
     assert document["contradicting"]["samples"] == wrong.tolist()
     body, data, _ = tree_of("camera")
     assert check_body_health(body, data).healthy
+
+
+def exchanged(count=30):
+    """Return an arm of two points, and a recording in which their names are exchanged."""
+    made = learned(0).model
+    hand = np.vstack([made.dh.p_NH, made.dh.p_NH + np.array([0.0, 0.03, 0.05])])
+    known = replace(made, table=replace(made.dh, markers=("hand", "thumb"), p_NH=hand))
+    data = replace(only_cameras(poses(body(), count)), pixels=None)
+    rows = np.repeat(np.arange(count), 2)
+    marker = np.array(["hand", "thumb"] * count)
+    noise = np.random.default_rng(3).normal(0.0, 1e-4, (2 * count, 3))
+    places = known.predict(data.encoders[rows], np.tile([0, 1], count)).p_WH + noise
+    names = ("encoders", "approach", "sample", "sweep", "mirror")
+    arrays = {name: getattr(data, name)[rows] for name in names}
+    told = np.array(["thumb", "hand"] * count)
+    data = replace(data, **arrays, p_WH_measured=places, marker=marker, pixels=None, extra={})
+    return known, data, replace(data, marker=told)
+
+
+def test_a_cause_that_leaves_the_misfit_is_not_told_as_the_cure():
+    known, data, wrong = exchanged()
+    assert check_health(known, data, "points").healthy
+    report = check_health(known, wrong, "points")
+    left = left_by_cause(known, wrong, report, "points")
+    assert left is not None
+    document = health_document(report, left)
+    assert not document["explained"]
+    assert "no one cause explains it" in document["reasons"][0]
+    assert "each marker under its own name" in document["reasons"][1]
+
+
+def test_a_cause_that_explains_all_is_told_as_the_cure(model):
+    one = body()
+    one.faults.slip("right_elbow", np.radians(4.0))
+    data = only_cameras(poses(one, 30))
+    report = check_health(model, data)
+    assert left_by_cause(model, data, report) is None
+    assert health_document(report)["explained"]
+
+
+def test_a_fifth_of_the_poses_off_at_the_beginning_is_no_change_of_the_body(model):
+    data = only_cameras(poses(body(), 60))
+    pixels = data.pixels.copy()
+    pixels[:12, 0] += 60.0
+    wrong = replace(data, pixels=pixels)
+    left = left_by_cause(model, wrong, check_health(model, wrong))
+    assert left is not None

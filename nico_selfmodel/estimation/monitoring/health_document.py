@@ -8,8 +8,14 @@ from nico_selfmodel.estimation.noise.contradictions import WHERE_TO_LOOK
 _CAUSES_SHOWN = 5
 
 
-def health_document(report: HealthReport) -> dict[str, Any]:
-    """Return a health report as plain data; `status` is FAIL where something changed."""
+def health_document(report: HealthReport, left: str | None = None) -> dict[str, Any]:
+    """Return a health report as plain data; `status` is FAIL where something changed.
+
+    Args:
+        report: What was found.
+        left: What the likeliest cause leaves once it is learned anew; None where it explains all,
+            or that was not asked.
+    """
     chance, against = report.false_alarm_chance, report.contradictions
     reasons = [
         f"{len(report.nis)} poses fit what is known of the body; with noise as in the "
@@ -18,11 +24,22 @@ def health_document(report: HealthReport) -> dict[str, Any]:
     ]
     if report.alarm_at is not None and report.changed_at is not None:
         best = report.diagnoses[0]
-        reasons = [
+        when = (
             f"something changed at sample {int(report.sample[report.changed_at])}, seen at sample "
-            f"{int(report.sample[report.alarm_at])}: {best.hypothesis.cause} (likelihood ratio "
-            f"{best.statistic:.0f}, chi-square of {best.dof})"
-        ]
+            f"{int(report.sample[report.alarm_at])}"
+        )
+        likeliest = (
+            f"{best.hypothesis.cause} (likelihood ratio {best.statistic:.0f}, chi-square of "
+            f"{best.dof})"
+        )
+        reasons = [f"{when}: {likeliest}"]
+        if left is not None:
+            reasons = [
+                f"{when}, and no one cause explains it: of {likeliest}, learned anew, is left: "
+                f"{left}",
+                "check that data and body are of one robot, in one unit, each marker under its own "
+                f"name; {WHERE_TO_LOOK}",
+            ]
         if not report.sure:
             reasons.append("few poses since: the cause may be another, record 10 or more")
     elif against.too_many:
@@ -41,6 +58,7 @@ def health_document(report: HealthReport) -> dict[str, Any]:
             "most": against.most,
         },
         "changed_at": _sample(report, report.changed_at),
+        "explained": left is None,
         "alarm_at": _sample(report, report.alarm_at),
         "causes": [
             {
