@@ -15,8 +15,9 @@ from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.self_model_file import save_model
-from nico_selfmodel.model.tree.body_model import load_body, save_body
+from nico_selfmodel.model.tree.body_model import BodyModel, load_body, save_body
 
+from ..estimation.simulated_trees import one_arm
 from .one_line import assert_one_clear_line
 
 
@@ -262,6 +263,17 @@ def test_lenses_of_other_cameras_alone_are_refused(folder, tmp_path, command):
     reason = refused(command, folder / "two_arms", tmp_path, "--cameras", tmp_path / "pair.yaml")
     assert "holds the cameras left, right" in reason
     assert "has camera1, camera2: they are matched by name" in reason
+
+
+def test_predictions_of_a_body_name_the_frame_that_they_are_in(tmp_path, command):
+    tree = one_arm(2).tree
+    body = BodyModel("arm", tree, np.ones(5), provenance={"world": "base_link"})
+    save_body(body, tmp_path / "body.yaml")
+    words = ("predict", tmp_path / "body.yaml", "--encoders", "0,0.1,0,0,0")
+    told = json.loads(command(*words, "--json").stdout)["markers"]
+    assert [row["frame"] for row in told] == ["base_link"]
+    heading, row = csv.reader(command(*words).stdout.splitlines())
+    assert dict(zip(heading, row, strict=True))["frame"] == "base_link"
 
 
 def test_an_arm_with_encoders_is_no_hand_eye(folder, tmp_path, command):
