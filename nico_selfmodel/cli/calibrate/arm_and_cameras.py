@@ -45,7 +45,10 @@ def calibrate(
     Raises:
         ValueError: If no self-model with both cameras is given.
     """
+    from nico_selfmodel.dataset.folder import load_dataset
+
     if model is None:
+        load_dataset(dataset)  # says what it is instead
         raise ValueError(f"{dataset} is of an arm and two cameras: give them with --model")
     from nico_selfmodel.estimation.bending.what_bends import effects_of, up_of
     from nico_selfmodel.estimation.body.body import calibrate_body
