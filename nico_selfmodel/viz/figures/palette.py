@@ -13,7 +13,7 @@ from nico_selfmodel.viz.figures.rgba import Rgba
 # Paul Tol's "bright" and "vibrant" schemes, without their reds: red means an outlier or a failure.
 _JOINTS = ("#4477aa", "#ee7733", "#228833", "#aa3377", "#33bbee", "#ccaa22", "#775599", "#667788")
 
-_SHADES = (("#000000", 0.0), ("#000000", 0.5), ("#ffffff", 0.5))
+_SHADES = (("#000000", 0.0), ("#000000", 0.45), ("#ffffff", 0.45))
 """What the joints' colours are mixed with, and by how much, each time that they run out."""
 
 INK = "#1c2733"
