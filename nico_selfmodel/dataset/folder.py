@@ -43,8 +43,8 @@ def load_dataset(folder: str | PathLike[str]) -> Dataset:
         read_metadata(folder / METADATA_NAME)  # names what it is instead
     if not any((folder / name).is_file() for name in (METADATA_NAME, SAMPLES_NAME)):
         raise DataError(
-            f"{folder} is no data set, {_what_is(folder)}; a data set is a folder with "
-            f"{METADATA_NAME} and {SAMPLES_NAME}"
+            f"{folder} is no data set, {_what_is(folder)}: {METADATA_NAME} is missing, and "
+            f"{SAMPLES_NAME}"
         )
     for name in (METADATA_NAME, SAMPLES_NAME):
         if not (folder / name).is_file():
@@ -70,7 +70,7 @@ def _what_is(folder: Path) -> str:
         return "it is a result"
     if any(name.lower().endswith((".png", ".jpg", ".jpeg")) for name in names):
         return "it holds pictures"
-    return f"it has no {METADATA_NAME}"
+    return "it holds other files"
 
 
 def save_dataset(dataset: Dataset, folder: str | PathLike[str], force: bool = False) -> None:

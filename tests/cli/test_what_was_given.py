@@ -33,7 +33,7 @@ def test_a_folder_that_is_no_data_set_is_told_for_what_it_is(tmp_path, command, 
     if name is not None:
         (folder / name).write_text("{}")
     done = command("calibrate", kind, folder, "--out", tmp_path / "out")
-    assert_one_clear_line(done, "given is no data set", words, "dataset.yaml and samples.csv")
+    assert_one_clear_line(done, "given is no data set", words, "dataset.yaml is missing")
 
 
 def test_a_whole_body_given_as_an_arm_is_told_for_what_it_is(tmp_path, command, body):
