@@ -4,13 +4,14 @@ import io
 import logging
 import sys
 import warnings
+from collections.abc import Sequence
 from functools import cache
 from typing import Annotated, Any
 
 import typer
 
 from nico_selfmodel import __version__
-from nico_selfmodel.cli import printer
+from nico_selfmodel.cli import interruption, printer
 from nico_selfmodel.cli.commands import Commands, commands_named
 from nico_selfmodel.cli.habits import add_habits
 from nico_selfmodel.errors import SelfModelError
@@ -49,15 +50,18 @@ def run() -> None:
     try:
         _refuse_empty(sys.argv[1:])
         code = command.main(prog_name="nico-selfmodel", standalone_mode=False)
+        if code == interruption.CODE:  # Typer took Ctrl-C, and said nothing
+            interruption.say_stopped()
     except (SelfModelError, ValueError, OSError) as error:
         sys.stdout.flush()
         code = _complain(_one_line(error))
     except MemoryError:
         code = _complain("there is not enough memory for this")
     except (KeyboardInterrupt, typer.Abort):
-        code = _complain("stopped", 130)
+        code = interruption.say_stopped()
     except Exception as error:
-        code = _usage(error)
+        stopped = interruption.was_stopped(error)
+        code = interruption.say_stopped() if stopped else _usage(error)
     raise SystemExit(code if isinstance(code, int) else 0)
 
 
@@ -143,10 +147,24 @@ def _usage(error: Exception) -> int:
     context = getattr(error, "ctx", None)
     path = context.command_path if context else "nico-selfmodel"
     message = " ".join(str(format_message()).split())
+    given = _given(getattr(getattr(error, "param", None), "opts", ()))
+    if message.startswith("Invalid value") and given is not None and given not in message:
+        message += f", got {given!r}"
+    message += "" if message.endswith((".", "?", "!")) else "."
     commands = getattr(context and context.command, "commands", None)
     if commands and message.startswith("No such command") and "Did you mean" not in message:
         message += f" There are {', '.join(commands)}."
     return _complain(f"{message} See: {path} --help")
+
+
+def _given(options: Sequence[str]) -> str | None:
+    """Return what the command line gives an option, under any of its names; None if nothing."""
+    given = None
+    for word, following in zip(sys.argv, [*sys.argv[1:], None], strict=True):
+        name, equals, value = word.partition("=")
+        if name in options:
+            given = value if equals else following
+    return given
 
 
 def _one_line(error: Exception) -> str:

@@ -44,7 +44,7 @@ class Talk(IntEnum):
     """How much is said."""
 
     QUIET = 0
-    """Errors and warnings; what was asked for as output."""
+    """Errors, warnings and why something failed; what was asked for as output."""
     PLAIN = 1
     """And results, and one line a stage where nobody looks at a progress bar."""
     VERBOSE = 2
@@ -190,10 +190,16 @@ def _parameter(name: str, entry: Mapping[str, Any]) -> list[str]:
 
 
 def verdict(document: Mapping[str, Any]) -> None:
-    """Print a verdict with its reasons, and after it what is doubtful though nothing fails."""
-    if talk is Talk.QUIET:
-        return
+    """Print a verdict with its reasons, and after it what is doubtful though nothing fails.
+
+    Of a quiet command, on standard error, why it failed, if it did: nothing else tells.
+    """
     status = document["status"]
+    if talk is Talk.QUIET:
+        if status == "FAIL":
+            reasons = "; ".join(document["reasons"])
+            print(f"nico-selfmodel: FAIL: {reasons}", file=sys.stderr)
+        return
     _console.print(f"[bold {_COLOURS[status]}]{status}[/]")
     for reason in document["reasons"]:
         line(f"  {reason}")

@@ -41,6 +41,11 @@ def load_dataset(folder: str | PathLike[str]) -> Dataset:
         )
     if (folder / METADATA_NAME).is_file() and not (folder / SAMPLES_NAME).is_file():
         read_metadata(folder / METADATA_NAME)  # names what it is instead
+    if not any((folder / name).is_file() for name in (METADATA_NAME, SAMPLES_NAME)):
+        raise DataError(
+            f"{folder} is no data set, {_what_is(folder)}: {METADATA_NAME} is missing, and "
+            f"{SAMPLES_NAME}"
+        )
     for name in (METADATA_NAME, SAMPLES_NAME):
         if not (folder / name).is_file():
             raise DataError(f"{folder}: {name} is missing; it is half of a data set")
@@ -54,6 +59,18 @@ def load_dataset(folder: str | PathLike[str]) -> Dataset:
     check_plausible(dataset, str(table_path))
     warn_of_units(dataset, str(table_path))
     return dataset
+
+
+def _what_is(folder: Path) -> str:
+    """Say what a folder is that is no data set."""
+    names = [path.name for path in folder.iterdir()]
+    if not names:
+        return "it is empty"
+    if {"result.json", "self_model.yaml", "body.yaml"} & set(names):
+        return "it is a result"
+    if any(name.lower().endswith((".png", ".jpg", ".jpeg")) for name in names):
+        return "it holds pictures"
+    return "it holds other files"
 
 
 def save_dataset(dataset: Dataset, folder: str | PathLike[str], force: bool = False) -> None:

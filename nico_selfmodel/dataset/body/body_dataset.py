@@ -120,8 +120,14 @@ class BodyDataset:
         object.__setattr__(self, "approach", read_only(approach, np.int8))
         if np.shape(approach) != (count, n) or not np.isin(approach, (-1, 0, 1)).all():
             raise ValueError(f"approach must be -1, 0 or 1, of shape ({count}, {n})")
-        if len(set(self.sample.tolist())) != count or not count:
-            raise DataError("samples must be one or more, each with its own number")
+        if not count:
+            raise DataError("there must be one sample or more")
+        numbers, times = np.unique(self.sample, return_counts=True)
+        if times.max() > 1:
+            twice = listed(numbers[times > 1].tolist())
+            raise DataError(
+                f"each sample must have its own number; more than once there is {twice}"
+            )
         _check_readings(self)
         _check_observations(self)
 
