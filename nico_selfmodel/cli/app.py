@@ -4,147 +4,26 @@ import io
 import logging
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Sequence
 from functools import cache
 from typing import Annotated, Any
 
 import typer
 
 from nico_selfmodel import __version__
-from nico_selfmodel.cli import (
-    cameras_files,
-    choose_poses,
-    convert,
-    detect,
-    evaluate,
-    export_urdf,
-    gaze,
-    hand,
-    import_csv,
-    import_lerobot,
-    import_vicon,
-    live,
-    locate,
-    look,
-    markers,
-    monitor,
-    pick_color,
-    predict,
-    printer,
-    rezero,
-    simulate,
-    view,
-)
-from nico_selfmodel.cli.calibrate import (
-    body,
-    camera,
-    cameras,
-    hand_eye,
-    kinematics,
-    mirror,
-    stereo,
-    tool,
-)
-from nico_selfmodel.cli.experiment import mirror as mirror_experiment
-from nico_selfmodel.cli.experiment import mirror_test, motion_capture, refinement, vision
-from nico_selfmodel.cli.experiment import stereo as stereo_experiment
-from nico_selfmodel.cli.experiment import tool as tool_experiment
+from nico_selfmodel.cli import interruption, printer
+from nico_selfmodel.cli.commands import Commands, commands_named
 from nico_selfmodel.cli.habits import add_habits
-from nico_selfmodel.cli.learn import learn
-from nico_selfmodel.cli.record import record
-from nico_selfmodel.cli.servo import home, move, scan, serve, status, stop
-from nico_selfmodel.cli.servo import simulate as servo_simulate
 from nico_selfmodel.errors import SelfModelError
 
 _LONGEST_LINE = 1000
 """Of what is said to a person [characters]; paths may take most of it."""
 
-_COMMANDS: dict[str, Callable[..., None]] = {
-    "learn": learn.learn,
-    "record": record.record,
-    "evaluate": evaluate.evaluate,
-    "monitor": monitor.monitor,
-    "rezero": rezero.rezero,
-    "predict": predict.predict,
-    "gaze": gaze.gaze,
-    "choose-poses": choose_poses.choose_poses,
-    "convert": convert.convert,
-    "export-urdf": export_urdf.export_urdf,
-    "locate": locate.locate,
-    "look": look.look,
-    "view": view.view,
-    "live": live.live,
-    "detect": detect.detect,
-    "pick-color": pick_color.pick_color,
-}
-_GROUPS: dict[str, tuple[str, dict[str, Callable[..., None]]]] = {
-    "simulate": (
-        "Record data of a simulated body.",
-        {"motion-capture": simulate.motion_capture, "whole-body": simulate.whole_body},
-    ),
-    "import": (
-        "Make a data set, a servo configuration or cameras of files made elsewhere.",
-        {
-            "csv": import_csv.from_csv,
-            "vicon": import_vicon.from_vicon,
-            "lerobot": import_lerobot.from_lerobot,
-            "cameras": cameras_files.import_cameras,
-        },
-    ),
-    "export": (
-        "Write what was learned for other programs.",
-        {"cameras": cameras_files.export_cameras},
-    ),
-    "calibrate": (
-        "Learn a self-model from recorded data.",
-        {
-            "kinematics": kinematics.kinematics,
-            "cameras": cameras.cameras,
-            "stereo": stereo.stereo,
-            "camera": camera.camera,
-            "body": body.body,
-            "hand-eye": hand_eye.hand_eye,
-            "tool": tool.tool,
-            "mirror": mirror.mirror,
-        },
-    ),
-    "experiment": (
-        "Run an experiment of the thesis.",
-        {
-            "stereo": stereo_experiment.stereo,
-            "motion-capture": motion_capture.motion_capture,
-            "vision": vision.vision,
-            "refinement": refinement.refinement,
-            "tool": tool_experiment.tool,
-            "mirror": mirror_experiment.mirror,
-            "mirror-test": mirror_test.mirror_test,
-        },
-    ),
-    "markers": (
-        "Fiducial markers and boards to print.",
-        {"sheet": markers.sheet, "board": markers.board},
-    ),
-    "servo": (
-        "Drive the real servos.",
-        {
-            "scan": scan.scan,
-            "status": status.status,
-            "move": move.move,
-            "home": home.home,
-            "stop": stop.stop,
-            "serve": serve.serve,
-            "simulate": servo_simulate.simulate,
-        },
-    ),
-    "hand": ("Open and close the hand.", {"open": hand.open_hand, "close": hand.close_hand}),
-}
 _WITH_NEGATIVE_NUMBERS = ("move",)
 """Commands with an argument that may begin with a minus, and is no option then."""
 
 
-def _group(
-    text: str, commands: dict[str, Callable[..., None]], *, completion: bool = False
-) -> typer.Typer:
+def _group(text: str, commands: Commands, *, completion: bool = False) -> typer.Typer:
     group = typer.Typer(
         help=text,
         no_args_is_help=True,
@@ -166,30 +45,35 @@ def run() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a name may hold what a terminal cannot show
             stream.reconfigure(errors="backslashreplace")
-    command = _tree()
+    command = _tree(*sys.argv[1:3])
     printer.set_talk(printer.Talk.PLAIN)
     try:
         _refuse_empty(sys.argv[1:])
         code = command.main(prog_name="nico-selfmodel", standalone_mode=False)
+        if code == interruption.CODE:  # Typer took Ctrl-C, and said nothing
+            interruption.say_stopped()
     except (SelfModelError, ValueError, OSError) as error:
         sys.stdout.flush()
         code = _complain(_one_line(error))
     except MemoryError:
         code = _complain("there is not enough memory for this")
     except (KeyboardInterrupt, typer.Abort):
-        code = _complain("stopped", 130)
+        code = interruption.say_stopped()
     except Exception as error:
-        code = _usage(error)
+        stopped = interruption.was_stopped(error)
+        code = interruption.say_stopped() if stopped else _usage(error)
     raise SystemExit(code if isinstance(code, int) else 0)
 
 
 @cache
-def _tree() -> Any:
+def _tree(*words: str) -> Any:
+    """Return the commands that the first words name, or all."""
+    commands, groups = commands_named(words)
     # Typer carries a copy of click of its own, so that a command's type has no public name.
-    app = _group("A robot learns its own body by watching it move.", _COMMANDS, completion=True)
+    app = _group("A robot learns its own body by watching it move.", commands, completion=True)
     app.callback(help="A robot learns its own body by watching it move.")(_root)
-    for name, (text, commands) in _GROUPS.items():
-        app.add_typer(_group(text, commands), name=name)
+    for name, (text, below) in groups.items():
+        app.add_typer(_group(text, below), name=name)
     command = typer.main.get_command(app)
     add_habits(command)
     return command
@@ -263,10 +147,24 @@ def _usage(error: Exception) -> int:
     context = getattr(error, "ctx", None)
     path = context.command_path if context else "nico-selfmodel"
     message = " ".join(str(format_message()).split())
+    given = _given(getattr(getattr(error, "param", None), "opts", ()))
+    if message.startswith("Invalid value") and given is not None and given not in message:
+        message += f", got {given!r}"
+    message += "" if message.endswith((".", "?", "!")) else "."
     commands = getattr(context and context.command, "commands", None)
     if commands and message.startswith("No such command") and "Did you mean" not in message:
         message += f" There are {', '.join(commands)}."
     return _complain(f"{message} See: {path} --help")
+
+
+def _given(options: Sequence[str]) -> str | None:
+    """Return what the command line gives an option, under any of its names; None if nothing."""
+    given = None
+    for word, following in zip(sys.argv, [*sys.argv[1:], None], strict=True):
+        name, equals, value = word.partition("=")
+        if name in options:
+            given = value if equals else following
+    return given
 
 
 def _one_line(error: Exception) -> str:

@@ -61,10 +61,43 @@ def train_and_test(
     train = load_dataset(dataset)
     if fraction is not None:
         return train.split(fraction, seed)
-    held_out = None if test is None else load_dataset(test)
-    if held_out is not None and content_hash(held_out) == content_hash(train):
-        raise ValueError(f"--test {test} holds the training data: nothing would be held out")
+    if test is None:
+        return train, None
+    held_out = load_dataset(test)
+    refuse_training_data(test, content_hash(held_out), content_hash(train))
     return train, held_out
+
+
+def refuse_untested(
+    require_test_mm: float | None, require_test_px: float | None, *held_out: object
+) -> None:
+    """Refuse a bound on held-out data where none are held out: nothing could meet it.
+
+    Args:
+        require_test_mm: Bound in space, if one was given.
+        require_test_px: Bound in the images, if one was given.
+        held_out: What was given of ways to hold data out; None for what was not.
+
+    Raises:
+        ValueError: If there is a bound, and nothing to hold against it.
+    """
+    if any(way is not None for way in held_out):
+        return
+    for unit, bound in (("mm", require_test_mm), ("px", require_test_px)):
+        if bound is not None:
+            raise ValueError(
+                f"--require-test-{unit} is a bound on held-out data: give --test or --test-fraction"
+            )
+
+
+def refuse_training_data(test: Path, held_out: str, train: str) -> None:
+    """Refuse test data that are the training data, by the hashes of both.
+
+    Raises:
+        ValueError: If they are the same.
+    """
+    if held_out == train:
+        raise ValueError(f"--test {test} holds the training data: nothing would be held out")
 
 
 def board(text: str, square_mm: float, tag_mm: float | None, family: str | None) -> "AnyBoard":

@@ -9,6 +9,15 @@ def main() -> None:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     # OpenCV's own lines say nothing that ours do not; it reads this when it is loaded.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
-    from nico_selfmodel.cli.app import run
+    from nico_selfmodel.cli.interruption import say_stopped, was_stopped
 
-    run()
+    try:
+        from nico_selfmodel.cli.app import run
+
+        run()
+    except SystemExit:
+        raise
+    except BaseException as error:
+        if not was_stopped(error):
+            raise
+        raise SystemExit(say_stopped()) from None

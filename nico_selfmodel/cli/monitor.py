@@ -37,7 +37,11 @@ def monitor(
     from nico_selfmodel.estimation.judging import judge, to_json
     from nico_selfmodel.estimation.monitoring.health import check_health
     from nico_selfmodel.estimation.monitoring.health_document import health_document
-    from nico_selfmodel.estimation.monitoring.relearning import relearn_cause, since_change
+    from nico_selfmodel.estimation.monitoring.relearning import (
+        left_by_cause,
+        relearn_cause,
+        since_change,
+    )
     from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update
     from nico_selfmodel.estimation.monitoring.update_result import relearned_result
     from nico_selfmodel.model.self_model_file import load_model
@@ -45,9 +49,9 @@ def monitor(
     _check_relearn(model, dataset, out, relearn=relearn, force=force)
     known, data = load_model(model), load_dataset(dataset)
     report = check_health(known, data, sensor)
-    document = health_document(report)
+    document = health_document(report, left_by_cause(known, data, report, sensor))
     _tell(known.name, document, model, dataset, as_json=as_json)
-    if out is None or report.healthy:
+    if out is None or not report.diagnoses:
         printer.end(document)
     cause = report.diagnoses[0].hypothesis
     update = relearn_cause(known, data, report, sensor)
@@ -83,14 +87,16 @@ def _monitor_body(
     from nico_selfmodel.dataset.body.body_folder import load_body_dataset
     from nico_selfmodel.estimation.monitoring.body_health import check_body_health
     from nico_selfmodel.estimation.monitoring.body_relearning import relearn_body
+    from nico_selfmodel.estimation.monitoring.body_update_result import left_by_cause
     from nico_selfmodel.estimation.monitoring.health_document import health_document
     from nico_selfmodel.model.tree.body_model import load_body
 
     known, data = load_body(model), load_body_dataset(dataset)
     report = check_body_health(known, data)
-    document = health_document(report)
+    left = left_by_cause(known, data, report)
+    document = health_document(report, left)
     _tell(known.name, document, model, dataset, as_json=as_json)
-    if out is None or report.healthy:
+    if out is None or not report.diagnoses:
         printer.end(document)
     relearned = any_body.written(relearn_body(known, data, report), out, force=force)
     if not as_json:
@@ -101,8 +107,11 @@ def _monitor_body(
 def _tell(
     name: str, document: dict[str, Any], model: Path, dataset: Path, *, as_json: bool
 ) -> None:
-    """Print what a health report says, with the command that learns each cause anew."""
-    for cause in document["causes"]:
+    """Print what a health report says, with the command that learns each cause anew.
+
+    A cause that leaves a misfit is no cure: no command is told then.
+    """
+    for cause in document["causes"] if document["explained"] else ():
         cause["command"] = remedy(cause["parameters"], model, dataset)
     if as_json:
         printer.as_json(document)
@@ -133,9 +142,10 @@ def remedy(parameters: Sequence[str], model: Path, dataset: Path) -> str:
 
 
 def _print(name: str, document: Mapping[str, Any]) -> None:
-    found = document["log_ratio"]
+    found, against = document["log_ratio"], document["contradicting"]
     rows = [
-        ["innovation squared, a coordinate", f"{document['nis_per_coordinate']:.2f}", "1"],
+        ["innovation squared, a coordinate (about 1)", f"{document['nis_per_coordinate']:.2f}", ""],
+        ["poses that contradict", f"{len(against['samples'])}", f"{against['most']}"],
         ["ln R (Shiryaev, Roberts)", f"{found['largest']:.1f}", f"{found['threshold']:.0f}"],
     ]
     printer.table(f"{name}: {document['poses']} poses", ("", "found", "limit"), rows)
@@ -145,5 +155,5 @@ def _print(name: str, document: Mapping[str, Any]) -> None:
         rows = [[c["cause"], *(f"{c[key]:.1f}".removesuffix(".0") for key in keys)] for c in causes]
         printer.table("what may have changed", ("cause", "ratio", "dof", "score"), rows)
     printer.verdict(document)
-    if causes:
+    if causes and "command" in causes[0]:
         printer.line(f"learn just that: {causes[0]['command']}")

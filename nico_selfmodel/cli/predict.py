@@ -34,7 +34,12 @@ def predict(
     marker: options.Marker = None,
     as_json: options.AsJson = False,
 ) -> None:
-    """Predict where the hand is: x, y, z [m], sigma of the model and with noise [mm]."""
+    """Predict where the hand is: x, y, z [m], sigma of the model and with noise [mm].
+
+    Places are in the frame that the output names: of an arm that of its tracker or left camera, of
+    a whole body its world, which with --robot is the description's root, not the tracker. A sigma
+    is that of one coordinate, rms of the three.
+    """
     from nico_selfmodel.model.readings import warn_beyond
     from nico_selfmodel.model.self_model_file import load_model
     from nico_selfmodel.model.tree.body_model import is_body
@@ -51,9 +56,11 @@ def predict(
     readings, approach = _readings(encoders, table, learned.joints)
     prediction = learned.predict(readings, marker, approach)
     warn_beyond(readings, learned.joints, learned.fit.get("readings", {}))
+    frame = "left camera" if learned.cameras else "tracker"
     sigma, total = prediction.sigma, prediction.total_sigma
     rows = [
         {
+            "frame": frame,
             "x_m": float(p[0]),
             "y_m": float(p[1]),
             "z_m": float(p[2]),
@@ -117,7 +124,7 @@ def _predict_body(
     found = predict_body(body, readings, approach)
     turns = rotation_vectors_of(found.R_WM)
     images = found.pixels | {f"{c}_in_{m}": uv for (c, m), uv in found.reflected.items()}
-    rows = []
+    rows, frame = [], str(body.provenance.get("world", "world"))
     for k in range(len(readings)):
         for m in chosen:
             place = dict(zip(("x_m", "y_m", "z_m"), found.p_WM[k, m].tolist(), strict=True))
@@ -129,7 +136,8 @@ def _predict_body(
             }
             sigma = {"sigma_mm": 1e3 * float(found.sigma[k, m])}
             rows.append(
-                {"pose": k, "marker": tree.markers[m].name, **place, **turn, **sigma} | seen
+                {"pose": k, "marker": tree.markers[m].name, "frame": frame}
+                | {**place, **turn, **sigma, **seen}
             )
     if as_json:
         printer.as_json({"markers": rows})

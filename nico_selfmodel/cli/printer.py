@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import typer
 from rich.console import Console
 from rich.measure import Measurement
-from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
-from rich.progress import Progress as Bars
 from rich.table import Table
 from rich.text import Text
 
@@ -46,7 +44,7 @@ class Talk(IntEnum):
     """How much is said."""
 
     QUIET = 0
-    """Errors and warnings; what was asked for as output."""
+    """Errors, warnings and why something failed; what was asked for as output."""
     PLAIN = 1
     """And results, and one line a stage where nobody looks at a progress bar."""
     VERBOSE = 2
@@ -72,6 +70,10 @@ def progress_bar() -> Iterator[Progress]:
     if not console.is_terminal or talk is Talk.VERBOSE:
         yield _line_a_stage()
         return
+    # Of all that draws on a terminal this is the slowest to load.
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bars
+
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Bars(*columns, console=console) as bars:
         tasks: dict[str, Any] = {}
@@ -188,10 +190,16 @@ def _parameter(name: str, entry: Mapping[str, Any]) -> list[str]:
 
 
 def verdict(document: Mapping[str, Any]) -> None:
-    """Print a verdict with its reasons, and after it what is doubtful though nothing fails."""
-    if talk is Talk.QUIET:
-        return
+    """Print a verdict with its reasons, and after it what is doubtful though nothing fails.
+
+    Of a quiet command, on standard error, why it failed, if it did: nothing else tells.
+    """
     status = document["status"]
+    if talk is Talk.QUIET:
+        if status == "FAIL":
+            reasons = "; ".join(document["reasons"])
+            print(f"nico-selfmodel: FAIL: {reasons}", file=sys.stderr)
+        return
     _console.print(f"[bold {_COLOURS[status]}]{status}[/]")
     for reason in document["reasons"]:
         line(f"  {reason}")

@@ -29,7 +29,7 @@ def _noise(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "noise of the tracker", tracker
         yield "noise of a joint, standard deviation", joints
     if "scale_from" in document:
-        yield "scale held by", document["scale_from"]
+        yield "scale held by", document["scale_from"] or "nothing"
 
 
 def _workspace(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -2,6 +2,7 @@
 
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,8 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from nico_selfmodel.dataset.columns import PIXEL_COLUMNS, POINT_COLUMNS, SIDES_OF_APPROACH
+from nico_selfmodel.dataset.plain_table import plain_columns, plain_integers, plain_numbers
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.files.csv_rows import parse_number, read_csv_rows
+from nico_selfmodel.files.csv_rows import parse_number, rows_of_text
+from nico_selfmodel.files.reading import LARGEST_TABLE, read_text
 from nico_selfmodel.names import found_instead, listed
 
 _INTEGER = re.compile(r"[+-]?[0-9]{1,19}")
@@ -26,7 +29,7 @@ class CsvTable:
     """The file, for messages."""
     columns: dict[str, tuple[str, ...]]
     """Cells of each column, in the order of the file."""
-    lines: tuple[int, ...]
+    lines: Sequence[int]
     """Line of each row, counted from 1 as an editor shows it."""
 
     @classmethod
@@ -44,26 +47,30 @@ class CsvTable:
             DataError: If the file cannot be read, has another separator, no rows, a row of
                 another length or two columns of one name.
         """
-        rows, lines = read_csv_rows(path)
-        names = [name.strip() for name in rows[0]]
-        _check_separator(path, names)
-        if header:
-            rows, lines = rows[1:], lines[1:]
+        text = read_text(path, LARGEST_TABLE)
+        rows: list[list[str]] = []
+        lines: Sequence[int]
+        columns = plain_columns(text)
+        if columns is None:
+            rows, lines = rows_of_text(text, str(path))
         else:
+            lines = range(1, len(columns[0]) + 1)
+        heading = rows[0] if columns is None else [column[0] for column in columns]
+        names = [name.strip() for name in heading]
+        _check_separator(path, names)
+        first = 1 if header else 0
+        if not header:
             names = [""] * len(names)
         names = [name or f"column {number}" for number, name in enumerate(names, 1)]
-        if not rows:
+        if len(lines) == first:
             raise DataError(f"{path}: no rows below the header; expected at least one")
         repeated = [name for name, count in Counter(names).items() if count > 1]
         if repeated:
             raise DataError(f"{path}: column {min(repeated)!r} appears more than once")
-        for row, line in zip(rows, lines, strict=True):
-            if len(row) != len(names):
-                raise DataError(
-                    f"{path}, line {line}: {len(row)} cells, but the table has {len(names)} columns"
-                )
-        cells = zip(*rows, strict=True)
-        return cls(path, dict(zip(names, cells, strict=True)), tuple(lines))
+        if columns is None:
+            columns = _columns_of(rows, lines, len(names), path)
+        below = (tuple(column[first:]) for column in columns)
+        return cls(path, dict(zip(names, below, strict=True)), lines[first:])
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -125,7 +132,7 @@ class CsvTable:
         Raises:
             DataError: If there is no such column.
         """
-        return np.array([cell.strip() for cell in self.cells(column)], dtype=np.str_)
+        return np.array(list(map(str.strip, self.cells(column))), dtype=np.str_)
 
     def integers(self, column: str) -> npt.NDArray[np.int64]:
         """Return a column of whole numbers. Shape (N,).
@@ -139,6 +146,9 @@ class CsvTable:
         Raises:
             DataError: If there is no such column or a cell is not a whole number.
         """
+        plain = plain_integers(self.cells(column))
+        if plain is not None:
+            return plain
         cells = [cell.strip() for cell in self.cells(column)]
         for row, cell in enumerate(cells):
             if not _INTEGER.fullmatch(cell) or not _INT64.min <= int(cell) <= _INT64.max:
@@ -158,12 +168,15 @@ class CsvTable:
         Raises:
             DataError: If there is no such column or a cell is not a finite number.
         """
-        values = np.empty(len(self))
-        for row, cell in enumerate(self.cells(column)):
-            try:
-                values[row] = parse_number(cell)
-            except ValueError as error:
-                raise DataError(f"{self.where(row, column)}: {error}") from None
+        cells = self.cells(column)
+        values = plain_numbers(cells)
+        if values is None:
+            values = np.empty(len(self))
+            for row, cell in enumerate(cells):
+                try:
+                    values[row] = parse_number(cell)
+                except ValueError as error:
+                    raise DataError(f"{self.where(row, column)}: {error}") from None
         if not empty_allowed and np.isnan(values).any():
             row = int(np.flatnonzero(np.isnan(values))[0])
             raise DataError(f"{self.where(row, column)}: the cell is empty; expected a number")
@@ -187,6 +200,17 @@ class CsvTable:
                 " reading rose last, -1 where it fell, 0 or nothing where nobody knows"
             )
         return values
+
+
+def _columns_of(
+    rows: list[list[str]], lines: Sequence[int], width: int, path: Path
+) -> list[tuple[str, ...]]:
+    for row, line in zip(rows, lines, strict=True):
+        if len(row) != width:
+            raise DataError(
+                f"{path}, line {line}: {len(row)} cells, but the table has {width} columns"
+            )
+    return list(zip(*rows, strict=True))
 
 
 def _check_separator(path: Path, names: list[str]) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.metadata_file import metadata_text, read_metadata
 from nico_selfmodel.dataset.plausibility import check_plausible, warn_of_units
-from nico_selfmodel.dataset.samples_file import read_samples, samples_text
+from nico_selfmodel.dataset.samples_file import read_samples, samples_pieces, samples_text
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.reading import real_path
 from nico_selfmodel.files.whole import folder_in_place_of
@@ -41,6 +41,11 @@ def load_dataset(folder: str | PathLike[str]) -> Dataset:
         )
     if (folder / METADATA_NAME).is_file() and not (folder / SAMPLES_NAME).is_file():
         read_metadata(folder / METADATA_NAME)  # names what it is instead
+    if not any((folder / name).is_file() for name in (METADATA_NAME, SAMPLES_NAME)):
+        raise DataError(
+            f"{folder} is no data set, {_what_is(folder)}: {METADATA_NAME} is missing, and "
+            f"{SAMPLES_NAME}"
+        )
     for name in (METADATA_NAME, SAMPLES_NAME):
         if not (folder / name).is_file():
             raise DataError(f"{folder}: {name} is missing; it is half of a data set")
@@ -54,6 +59,18 @@ def load_dataset(folder: str | PathLike[str]) -> Dataset:
     check_plausible(dataset, str(table_path))
     warn_of_units(dataset, str(table_path))
     return dataset
+
+
+def _what_is(folder: Path) -> str:
+    """Say what a folder is that is no data set."""
+    names = [path.name for path in folder.iterdir()]
+    if not names:
+        return "it is empty"
+    if {"result.json", "self_model.yaml", "body.yaml"} & set(names):
+        return "it is a result"
+    if any(name.lower().endswith((".png", ".jpg", ".jpeg")) for name in names):
+        return "it holds pictures"
+    return "it holds other files"
 
 
 def save_dataset(dataset: Dataset, folder: str | PathLike[str], force: bool = False) -> None:
@@ -93,8 +110,10 @@ def content_hash(dataset: Dataset) -> str:
     Returns:
         64 hexadecimal digits.
     """
-    texts = (metadata_text(dataset), samples_text(dataset))
-    return hashlib.sha256("\0".join(texts).encode()).hexdigest()
+    found = hashlib.sha256(metadata_text(dataset).encode() + b"\0")
+    for piece in samples_pieces(dataset):
+        found.update(piece.encode())
+    return found.hexdigest()
 
 
 def _check_target(folder: Path, force: bool) -> None:

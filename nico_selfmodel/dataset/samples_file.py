@@ -1,8 +1,7 @@
 """samples.csv: one row per pose and tracked point."""
 
-import math
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +18,11 @@ from nico_selfmodel.dataset.columns import (
 from nico_selfmodel.dataset.csv_table import CsvTable
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.row_checks import check_rows
-from nico_selfmodel.files.csv_cells import quoted_cell, safe_cell
+from nico_selfmodel.files.csv_cells import number_cells, table_text, text_cells
 from nico_selfmodel.names import did_you_mean
 
+_PIECE = 50_000
+"""Rows that are written at once."""
 _OPTIONAL = ("sweep", "marker", "mirror", *POINT_COLUMNS, *PIXEL_COLUMNS)
 
 
@@ -77,28 +78,39 @@ def samples_text(dataset: Dataset) -> str:
     Returns:
         Contents of `samples.csv`.
     """
-    columns: dict[str, Iterable[str]] = {
-        "sample": [str(number) for number in dataset.sample.tolist()],
-        "sweep": map(safe_cell, dataset.sweep.tolist()),
-        "marker": map(safe_cell, dataset.marker.tolist()),
-    }
-    if (dataset.mirror != "").any():
-        columns["mirror"] = map(safe_cell, dataset.mirror.tolist())
-    for name, readings in zip(dataset.joint_names, dataset.encoders.T, strict=True):
-        columns[f"{ENCODER}.{name}"] = _cells(readings)
-    if dataset.approach.any():
-        for name, side in zip(dataset.joint_names, dataset.approach.T, strict=True):
-            columns[f"{APPROACH}.{name}"] = map(str, side.tolist())
-    for names, values in (
-        (POINT_COLUMNS, dataset.p_WH_measured),
-        (PIXEL_COLUMNS[:2], dataset.pixels[:, :2]),
-        (PIXEL_COLUMNS[2:], dataset.pixels[:, 2:]),
-    ):
-        if np.isfinite(values).any():
-            columns.update(zip(names, map(_cells, values.T), strict=True))
-    columns |= {name: map(safe_cell, cells) for name, cells in dataset.extra.items()}
-    rows = [map(safe_cell, columns), *zip(*columns.values(), strict=True)]
-    return "".join(",".join(map(quoted_cell, row)) + "\n" for row in rows)
+    return "".join(samples_pieces(dataset))
+
+
+def samples_pieces(dataset: Dataset) -> Iterator[str]:
+    """Yield what `samples_text` returns piece by piece, so that no more is held at once."""
+    has_mirror, has_approach = (dataset.mirror != "").any(), dataset.approach.any()
+    measured = [
+        (names, values)
+        for names, values in (
+            (POINT_COLUMNS, dataset.p_WH_measured),
+            (PIXEL_COLUMNS[:2], dataset.pixels[:, :2]),
+            (PIXEL_COLUMNS[2:], dataset.pixels[:, 2:]),
+        )
+        if np.isfinite(values).any()
+    ]
+    for start in range(0, max(len(dataset), 1), _PIECE):
+        own = slice(start, start + _PIECE)
+        columns: dict[str, Iterable[str]] = {
+            "sample": map(str, dataset.sample[own].tolist()),
+            "sweep": text_cells(dataset.sweep[own].tolist()),
+            "marker": text_cells(dataset.marker[own].tolist()),
+        }
+        if has_mirror:
+            columns["mirror"] = text_cells(dataset.mirror[own].tolist())
+        for name, readings in zip(dataset.joint_names, dataset.encoders[own].T, strict=True):
+            columns[f"{ENCODER}.{name}"] = number_cells(readings.tolist())
+        if has_approach:
+            for name, side in zip(dataset.joint_names, dataset.approach[own].T, strict=True):
+                columns[f"{APPROACH}.{name}"] = map(str, side.tolist())
+        for names, values in measured:
+            columns.update(zip(names, map(number_cells, values[own].T.tolist()), strict=True))
+        columns |= {name: text_cells(cells[own]) for name, cells in dataset.extra.items()}
+        yield table_text(columns, heading=start == 0)
 
 
 def _texts(table: CsvTable, column: str) -> npt.NDArray[np.str_]:
@@ -127,7 +139,3 @@ def _warn_of_misspelt(table: CsvTable, extra: Iterable[str], optional: Sequence[
         hint = did_you_mean(name, absent, likeness=0.8)
         if hint:
             warnings.warn(f"{table.path}: column {name!r} is kept but not used{hint}", stacklevel=5)
-
-
-def _cells(values: npt.NDArray[np.float64]) -> list[str]:
-    return ["" if math.isnan(value) else repr(value) for value in values.tolist()]

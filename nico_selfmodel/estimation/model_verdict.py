@@ -8,11 +8,18 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.estimation.arm.arm_findings import WHAT_CHANGED
 from nico_selfmodel.estimation.arm.evaluation import Evaluation, expected_covariance
+from nico_selfmodel.estimation.noise.contradictions import (
+    WHERE_TO_LOOK,
+    Contradictions,
+    contradictions,
+)
 from nico_selfmodel.estimation.noise.hand_observations import (
     JOINT_SIGMA,
     covariance_of,
     hand_observations_of,
 )
+from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
+from nico_selfmodel.estimation.noise.training_noise import expected_noise
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import describe_outliers
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
@@ -39,9 +46,9 @@ def judge_evaluation(
         evaluation: The model, held against it.
 
     Returns:
-        FAIL where an error is significantly above what was expected, or many rows are further off
-        than model and noise explain; NOT_EVALUATED where the model does not say what to expect, or
-        the poses are too few.
+        FAIL where an error is significantly above what was expected, or more poses are further off
+        than model, noise and false detections explain; NOT_EVALUATED where the model does not say
+        what to expect, or the poses are too few.
     """
     if isinstance(evaluation, PixelEvaluation):
         rows, things = evaluation.observations.arm, "detections"
@@ -52,19 +59,35 @@ def judge_evaluation(
         compared, wrong = _in_space(model, evaluation), evaluation.outliers
     if not compared:
         return Verdict("NOT_EVALUATED", ("there is too little to compare the error with",))
-    return _beside_training(compared, rows, wrong, things)
+    return _beside_training(compared, rows, wrong, things, _against(model, dataset, evaluation))
 
 
-def judge_body_errors(model: BodyModel, errors: Errors) -> Verdict:
+def _against(
+    model: SelfModel, dataset: Dataset, evaluation: Evaluation | PixelEvaluation
+) -> Contradictions | None:
+    """Return which poses contradict; None where the model does not say the sensor's noise."""
+    sensor = "pixels" if isinstance(evaluation, PixelEvaluation) else "points"
+    if sensor not in model.noise_mixtures:
+        return None
+    poses = PoseResiduals.of(hand_observations_of(model, dataset, sensor))
+    noise = expected_noise(model, sensor, dataset)
+    return contradictions(poses, noise, covariance_of(model, poses.names))
+
+
+def judge_body_errors(
+    model: BodyModel, errors: Errors, against: Contradictions | None = None
+) -> Verdict:
     """Judge a body by new data, against the errors that its training lets expect.
 
     Args:
         model: The body.
         errors: What it leaves of a recording.
+        against: Poses of it that contradict the body, where that is known.
 
     Returns:
-        FAIL where the errors are significantly above what was expected; NOT_EVALUATED where the
-        body does not say what to expect, or the poses are too few.
+        FAIL where the errors are significantly above what was expected, or more poses contradict
+        than false detections explain; NOT_EVALUATED where the body does not say what to expect, or
+        the poses are too few.
     """
     expected, found = model.expected.get(errors.unit), errors.compared
     if expected is None or min(expected["n"], len(found)) < FEWEST_COMPARED:
@@ -76,7 +99,11 @@ def judge_body_errors(model: BodyModel, errors: Errors) -> Verdict:
     if one.above:
         words = f"the error ({medians}) is significantly above that of the training poses"
         return Verdict("FAIL", (f"{words}: {WHAT_CHANGED}",))
-    return Verdict("PASS", (f"the error ({medians}) is that of the training poses",))
+    within = f"the error ({medians}) is that of the training poses"
+    if against is not None and against.too_many:
+        return Verdict("FAIL", (f"{against.words}: {WHERE_TO_LOOK}",))
+    named = f"; {against.words}" if against is not None and against.count else ""
+    return Verdict("PASS", (f"{within}{named}",))
 
 
 @dataclass(frozen=True)
@@ -126,7 +153,11 @@ def _in_images(model: SelfModel, evaluation: PixelEvaluation) -> list[_Compared]
 
 
 def _beside_training(
-    compared: list[_Compared], rows: Observations, wrong: NDArray, things: str
+    compared: list[_Compared],
+    rows: Observations,
+    wrong: NDArray,
+    things: str,
+    against: Contradictions | None,
 ) -> Verdict:
     """Return the verdict on new errors beside those of the training.
 
@@ -135,6 +166,7 @@ def _beside_training(
         rows: What was held against the model.
         wrong: Rows that neither model nor noise explains. Boolean, shape (N,).
         things: What a row is.
+        against: Poses that contradict the model, where that is known.
     """
     found = " and ".join(one.found for one in compared)
     expected = " and ".join(one.expected for one in compared)
@@ -143,6 +175,8 @@ def _beside_training(
         words = f"the error ({medians}) is significantly above that of the training poses"
         return Verdict("FAIL", (f"{words}: {WHAT_CHANGED}",))
     within = f"the error ({medians}) is that of the training poses"
+    if against is not None and against.too_many:
+        return Verdict("FAIL", (f"{against.words}: {WHERE_TO_LOOK}",))
     if not wrong.any():
         return Verdict("PASS", (within,))
     off = (

@@ -5,6 +5,7 @@ it (CWE-1236); an apostrophe before it makes it text. Reading takes the apostrop
 """
 
 import re
+from collections.abc import Iterable, Mapping
 
 _STARTS = ("=", "+", "-", "@", "\t")
 _SPECIAL = re.compile('[,"\r\n]')
@@ -29,6 +30,33 @@ def quoted_cell(cell: str) -> str:
     if _SPECIAL.search(cell):
         return '"' + cell.replace('"', '""') + '"'
     return cell
+
+
+def text_cells(texts: Iterable[str]) -> list[str]:
+    """Return cells of text as they stand in the file: quoted, and formulas to no spreadsheet."""
+    texts = list(texts)
+    written = {text: quoted_cell(safe_cell(text)) for text in set(texts)}
+    return [written[text] for text in texts]
+
+
+def number_cells(values: Iterable[float]) -> list[str]:
+    """Return numbers as they stand in the file: to the last bit, and nan as an empty cell."""
+    return ["" if value != value else repr(value) for value in values]
+
+
+def table_text(columns: Mapping[str, Iterable[str]], *, heading: bool = True) -> str:
+    """Return a table as text.
+
+    Args:
+        columns: Heading -> cells as they stand in the file (`text_cells`, `number_cells`).
+        heading: Begin with the line of headings; not where rows go on.
+
+    Raises:
+        ValueError: If columns differ in length.
+    """
+    rows = map(",".join, zip(*columns.values(), strict=True))
+    first = [",".join(text_cells(columns))] if heading else []
+    return "\n".join([*first, *rows, ""])
 
 
 def _is_guarded(cell: str) -> bool:

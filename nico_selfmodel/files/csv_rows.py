@@ -11,7 +11,7 @@ from nico_selfmodel.files.csv_cells import original_cell
 from nico_selfmodel.files.reading import LARGEST_TABLE, read_text
 from nico_selfmodel.files.yaml_mapping import LARGEST
 
-MOST_CELLS = 4_000_000
+MOST_CELLS = 12_000_000
 """Cells that a table may have."""
 MOST_COLUMNS = 10_000
 """Columns that a table may have."""

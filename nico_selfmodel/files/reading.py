@@ -9,7 +9,7 @@ from pathlib import Path
 from nico_selfmodel.errors import DataError
 
 MEGABYTE = 1_000_000
-LARGEST_TABLE = 64 * MEGABYTE
+LARGEST_TABLE = 256 * MEGABYTE
 """Of a CSV file [bytes]."""
 LARGEST_DOCUMENT = 4 * MEGABYTE
 """Of a YAML file [bytes]."""

@@ -68,6 +68,11 @@ def load_model(path: str | Path) -> SelfModel:
         ModelError: If the file is missing, of another format or version, or not valid.
     """
     path = Path(path)
+    if path.is_dir() and (path / "body.yaml").is_file():
+        raise ModelError(
+            f"{path} is a body of any tree ({path.name}/body.yaml), and this takes the self-model "
+            "of an arm or of cameras alone (self_model.yaml)"
+        )
     path = path / "self_model.yaml" if path.is_dir() else path
     if not path.exists():
         raise ModelError(f"{path} does not exist: give a self_model.yaml")

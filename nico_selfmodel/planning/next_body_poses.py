@@ -68,11 +68,15 @@ def choose_next_body_poses(
         ModelError: If the body has no covariance or no such camera or marker.
         ValueError: If the number, the criterion or the marker is wrong.
     """
-    if model.covariance is None or not model.tree.lenses:
-        raise ModelError(
-            f"body {model.name!r} has no covariance or no camera: learn it by `calibrate body` "
-            "from what cameras saw"
-        )
+    for lacks, what in (
+        (model.covariance is None, "covariance"),
+        (not model.tree.lenses, "camera"),
+    ):
+        if lacks:
+            raise ModelError(
+                f"body {model.name!r} has no {what}: learn it by `calibrate body` from what "
+                "cameras saw"
+            )
     index, told = _marker(model, marker), told_as(model.tree, data)
     seen = np.unique(told.observations.pose[told.observations.marker == index])
     if not len(seen):

@@ -6,32 +6,31 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.body_folder import save_body_dataset
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import save_dataset
 from nico_selfmodel.files.whole import RESULT_FILE, folder_written_whole, write_whole
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.self_model_file import save_model
-from nico_selfmodel.model.shape.link_shape import BodyShape
-from nico_selfmodel.model.shape.shape_folder import FOLDER, save_shape
-from nico_selfmodel.model.tree.body_model import BODY_FILE, BodyModel, save_body
 from nico_selfmodel.result_folder.description import kept_description
 from nico_selfmodel.result_folder.urdf import urdf_file
 
 if TYPE_CHECKING:
+    # What only other bodies than arms have is not loaded for arms.
+    from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+    from nico_selfmodel.model.shape.link_shape import BodyShape
+    from nico_selfmodel.model.tree.body_model import BodyModel
     from nico_selfmodel.plant import ArmDescription
 
 
 def write_result(
     folder: str | Path,
-    model: SelfModel | BodyModel,
+    model: "SelfModel | BodyModel",
     document: Mapping[str, Any],
     texts: Mapping[str, str] | None = None,
-    recordings: Mapping[str, Dataset | BodyDataset] | None = None,
+    recordings: "Mapping[str, Dataset | BodyDataset] | None" = None,
     *,
     robot: "ArmDescription | None" = None,
-    shape: BodyShape | None = None,
+    shape: "BodyShape | None" = None,
     force: bool = False,
 ) -> Path:
     """Write `self_model.yaml` or `body.yaml`, `result.json` and further files, or nothing.
@@ -60,11 +59,15 @@ def write_result(
     folder = Path(folder)
     contents = {RESULT_FILE: _as_json(document), **(texts or {})}
     with folder_written_whole(folder, force=force) as inside:
-        if isinstance(model, BodyModel):
-            save_body(model, inside / BODY_FILE)
-        else:
+        if isinstance(model, SelfModel):
             contents |= _save_with_robot(model, inside, robot)
+        else:
+            from nico_selfmodel.model.tree.body_model import BODY_FILE, save_body
+
+            save_body(model, inside / BODY_FILE)
         if shape is not None:
+            from nico_selfmodel.model.shape.shape_folder import FOLDER, save_shape
+
             save_shape(shape, inside / FOLDER)
         for name, text in contents.items():
             (inside / name).write_text(text, encoding="utf-8", newline="\n")
@@ -74,11 +77,13 @@ def write_result(
     return folder
 
 
-def _save_recording(dataset: Dataset | BodyDataset, folder: Path) -> None:
-    if isinstance(dataset, BodyDataset):
-        save_body_dataset(dataset, folder)
-    else:
+def _save_recording(dataset: "Dataset | BodyDataset", folder: Path) -> None:
+    if isinstance(dataset, Dataset):
         save_dataset(dataset, folder)
+    else:
+        from nico_selfmodel.dataset.body.body_folder import save_body_dataset
+
+        save_body_dataset(dataset, folder)
 
 
 def _save_with_robot(

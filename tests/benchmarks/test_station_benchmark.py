@@ -69,8 +69,10 @@ def test_a_picture_takes_little_more_than_rendering_what_is_in_it():
         eye = cameras._StereoCameras__cameras[0]
         window = eye._pinhole._window(query)
         assert window[2] - window[0] > 200  # the arm is in view
+        looks = eye.look(query)  # as the tracker was shown them at this pose
+        assert len(looks) == 2
         ratio = best_ratio(
-            lambda: cameras._develop(eye.render(query), 0.0, 0),
+            lambda: cameras._develop(eye.render(query, looks), 0.0, 0),
             lambda: eye._pinhole._render(query, window),
             rounds=5,
         )
@@ -91,7 +93,7 @@ def test_a_tracker_is_shown_its_mark_in_half_the_time_of_the_window_around_the_a
         camera = cameras._StereoCameras__cameras[0]
         window = camera._pinhole._window(query)
         ratio = best_ratio(
-            lambda: cameras._develop(camera.render_sights(query), 0.0, 0),
+            lambda: cameras._develop(camera.only(camera.look(query)), 0.0, 0),
             lambda: camera._pinhole._upright(query, window),
             rounds=5,
         )

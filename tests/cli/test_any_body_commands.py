@@ -12,7 +12,13 @@ import pytest
 import yaml
 
 from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body_dataset
-from nico_selfmodel.model.tree.body_model import load_body, save_body
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.self_model_file import save_model
+from nico_selfmodel.model.tree.body_model import BodyModel, load_body, save_body
+
+from ..estimation.simulated_trees import one_arm
+from .one_line import assert_one_clear_line
 
 
 @pytest.fixture(scope="module")
@@ -239,6 +245,35 @@ def test_a_wrong_observation_is_refused_with_its_line(folder, tmp_path, command,
 )
 def test_wrong_words_are_refused_in_one_line(folder, tmp_path, command, words, reason):
     assert reason in refused(command, folder / "two_arms", tmp_path, *words)
+
+
+@pytest.mark.parametrize("words", [("body", "two_arms"), ("hand-eye", "flange")])
+def test_training_data_are_refused_as_held_out_data(folder, tmp_path, command, words):
+    kind, data = words
+    done = command(
+        *("calibrate", kind, folder / data, "--test", folder / data, "--out", tmp_path / "out")
+    )
+    assert_one_clear_line(done, "holds the training data: nothing would be held out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_lenses_of_other_cameras_alone_are_refused(folder, tmp_path, command):
+    lens = Camera(600.0, 600.0, 320.0, 240.0, (640, 480))
+    save_model(SelfModel("pair", cameras={"left": lens, "right": lens}), tmp_path / "pair.yaml")
+    reason = refused(command, folder / "two_arms", tmp_path, "--cameras", tmp_path / "pair.yaml")
+    assert "holds the cameras left, right" in reason
+    assert "has camera1, camera2: they are matched by name" in reason
+
+
+def test_predictions_of_a_body_name_the_frame_that_they_are_in(tmp_path, command):
+    tree = one_arm(2).tree
+    body = BodyModel("arm", tree, np.ones(5), provenance={"world": "base_link"})
+    save_body(body, tmp_path / "body.yaml")
+    words = ("predict", tmp_path / "body.yaml", "--encoders", "0,0.1,0,0,0")
+    told = json.loads(command(*words, "--json").stdout)["markers"]
+    assert [row["frame"] for row in told] == ["base_link"]
+    heading, row = csv.reader(command(*words).stdout.splitlines())
+    assert dict(zip(heading, row, strict=True))["frame"] == "base_link"
 
 
 def test_an_arm_with_encoders_is_no_hand_eye(folder, tmp_path, command):

@@ -166,6 +166,7 @@ def test_a_world_that_does_not_exist_is_explained(tmp_path, command):
         (("--fix", "right_elbow.r="), "--fix right_elbow.r=: '' is not a number"),
         ((*RIGHT_ARM, "--hold", "right_wrist=up"), "--hold right_wrist=up: 'up' is not a number"),
         (("--require-test-mm", "nan"), "--require-test-mm"),
+        (("--require-test-mm", "1"), "is a bound on held-out data: give --test or --test-fraction"),
         (("--require-test-mm", "-2"), "--require-test-mm"),
         ((*RIGHT_ARM, "--point", "ear=right_hand"), "tracks no 'ear'; it tracks hand"),
         ((*RIGHT_ARM, "--hold", "right_wrist=40"), "'right_wrist' cannot be held at 40 rad"),
@@ -188,6 +189,14 @@ def test_options_that_would_be_ignored_are_refused(options, word, recorded, tmp_
         (("simulate", "motion-capture", "--seed", "-1", "--out", "somewhere"), "--seed"),
         (("evaluate", "", "data"), "an argument is empty"),
         (("predict", "model", "--encoders", ""), "--encoders is empty"),
+        (("choose-poses", "m", "--count", "0"), "greater than or equal to 1, got '0'. See: "),
+        (("choose-poses", "m", "--count=-3"), "greater than or equal to 1, got '-3'. See: "),
+        (("choose-poses", "m", "--count", "x"), "as an integer, got 'x'. See: "),
+        (("choose-poses", "m", "--cuont", "1"), "--cuont"),
+        (
+            ("calibrate", "kinematics", "d", "--out", "o", "--starts", 99999999999999999999),
+            "less than or equal to 1000000, got '99999999999999999999'. See: ",
+        ),
     ],
 )
 def test_every_command_refuses_words_that_say_nothing(words, wanted, command):

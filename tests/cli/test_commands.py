@@ -98,6 +98,7 @@ def test_evaluate_and_predict_agree_with_the_library(result, recorded, command):
     done = command("predict", result, "--table", "-", stdin=table.getvalue())
     rows = list(csv.DictReader(io.StringIO(done.stdout)))
     assert len(rows) == 3
+    assert {row["frame"] for row in rows} == {"tracker"}
     p = [[float(row[name]) for name in ("x_m", "y_m", "z_m")] for row in rows]
     np.testing.assert_allclose(p, predicted.p_WH[:3], atol=1e-15)
     sigma = [float(row["sigma_mm"]) for row in rows]

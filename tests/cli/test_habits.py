@@ -2,11 +2,14 @@
 
 import json
 import re
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from nico_selfmodel.cli import printer
 from nico_selfmodel.cli.app import _tree
+from nico_selfmodel.dataset.folder import load_dataset, save_dataset
 
 HABITS = {"--options", "--verbose", "--quiet"}
 
@@ -70,6 +73,16 @@ def test_stages_are_lines_where_nobody_looks_at_a_bar(recorded, tmp_path, comman
     assert verbose != stages
     quiet = command(*words, "--quiet")
     assert (quiet.returncode, quiet.stdout, quiet.stderr) == (0, "", "")
+
+
+def test_a_quiet_command_that_fails_says_why(result, recorded, tmp_path, command):
+    data = load_dataset(recorded[1])
+    moved = replace(data, p_WH_measured=data.p_WH_measured + np.array([0.05, 0.0, 0.0]))
+    save_dataset(moved, tmp_path / "moved")
+    done = command("evaluate", result, tmp_path / "moved", "--quiet")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith("nico-selfmodel: FAIL: the error (median ")
+    assert len(done.stderr.splitlines()) == 1
 
 
 def test_quiet_keeps_errors_and_what_a_script_reads(recorded, tmp_path, command):

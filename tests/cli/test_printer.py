@@ -81,3 +81,9 @@ def test_a_command_within_a_data_set_makes_its_folder_beside_it(tmp_path, monkey
     monkeypatch.chdir(tmp_path / "data")
     words = remedy(["elbow.theta_offset"], Path("../arm"), Path())
     assert words.endswith(f"--out {tmp_path.resolve() / 'data_relearned'}")
+
+
+def test_a_result_whose_scale_nothing_holds_is_printed(said):
+    text, _ = said("body", scale_from=None)
+    row = next(line for line in text.splitlines() if "scale held by" in line)
+    assert "nothing" in row

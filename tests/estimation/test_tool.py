@@ -13,6 +13,7 @@ from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, rezero
 from nico_selfmodel.model.self_model_file import load_model, save_model
 
 from ..slow_rest import slow_rest
+from .joined_data import joined_data
 from .simulated_bodies import blinded, body, learned, only_cameras, poses
 
 SHIFT = np.array([0.025, 0.0, -0.08])
@@ -216,6 +217,31 @@ def test_readings_that_lost_a_turn_find_their_zeros(model, joint):
     assert np.all(np.abs(found.shifts) <= np.pi)
     again = wrapped(poses(body(), 30, seed=3))
     assert 1e3 * evaluate(found.model, again).statistics.mean < 5.0
+
+
+def test_a_tip_is_learned_though_points_of_the_hand_are_seen_beside_it(model, tipped):
+    few = points_only(tipped.select(np.arange(8)))
+    hand = points_only(poses(body(), 8))
+    tip = replace(few, marker=np.full(8, "pen"))
+    own = replace(tip, p_WH_measured=hand.p_WH_measured, marker=np.full(8, "hand"))
+    both = joined_data(tip, own)
+    both = replace(both, sample=np.tile(tip.sample, 2))
+    found, alone = calibrate_tool(model, both), calibrate_tool(model, tip)
+    assert found.tool == "pen"
+    assert found.model.markers == ("hand", "pen")
+    assert found.reach == pytest.approx(alone.reach, rel=1e-9)
+    with pytest.raises(ValueError, match=r"tracks no point 'nonsense'; there are pen, hand"):
+        calibrate_tool(model, both, tool="nonsense")
+
+
+def test_zeros_where_all_was_set_aside_are_not_said_to_fit(model):
+    data = points_only(poses(body(), 6))
+    rng = np.random.default_rng(8)
+    wrong = replace(data, p_WH_measured=rng.normal(0.0, 0.5, data.p_WH_measured.shape))
+    found = rezero(model, wrong)
+    reasons = " ".join(judge(found).reasons)
+    assert "6 of 6 observations contradict what was learned" in reasons
+    assert "misfit 0" not in reasons
 
 
 @pytest.mark.slow

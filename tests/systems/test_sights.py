@@ -6,7 +6,7 @@ from pydrake.geometry import FrameId
 
 from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.systems.image_values import bgr_of
-from nico_selfmodel.systems.rendering.mounted_camera import Sight
+from nico_selfmodel.systems.rendering.mounted_camera import MountedCamera, Sight
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality, StereoCameras
 from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
@@ -61,6 +61,24 @@ def test_marks_are_found_where_the_whole_picture_shows_them(looked):
     for whole, _, pixels, finders in looked:
         for point, find in finders.items():
             assert np.array_equal(find(whole.astype(np.uint8)), pixels[point])
+
+
+def test_a_whole_picture_shows_what_the_tracker_was_shown_without_rendering_it_again(monkeypatch):
+    rendered = []
+    look = MountedCamera.look
+    monkeypatch.setattr(
+        MountedCamera, "look", lambda eye, query: rendered.append(eye) or look(eye, query)
+    )
+    with NicoStation("thesis", 1) as nico:
+        body = StationBody(nico, nico.joints, nico.tracked)
+        cameras = nico.GetSubsystemByName("cameras")
+        context = cameras.GetMyContextFromRoot(body.context)
+        commands = commands_of_angles(nico.joints, nico.arm.lower, nico.arm.upper, POSES)
+        for count, command in enumerate(commands, start=1):
+            body.move_and_measure(command)
+            for port in ("left_image", "left_sight", "right_image"):
+                cameras.GetOutputPort(port).Eval(context)
+            assert len(rendered) == 2 * count
 
 
 def test_what_could_be_taken_for_a_mark_is_looked_for_in_whole_pictures():

@@ -11,8 +11,8 @@ from nico_selfmodel.estimation.body.body import calibrate_body
 from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.estimation.monitoring.relearning import relearn_cause, since_change
-from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, rezero, with_marker
-from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update, marked
+from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, of_tip, rezero, with_marker
+from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update
 from nico_selfmodel.estimation.monitoring.update_result import (
     relearned_result,
     rezero_result,
@@ -56,7 +56,7 @@ def tool(model):
         for count, session in ((12, 2), (15, 3))
     )
     found = calibrate_tool(model, train, tool="driver", test=test)
-    parts = (marked(data, "driver") for data in (train, test))
+    parts = (of_tip(model, data, "driver") for data in (train, test))
     evaluation = evaluate_update(with_marker(model, "driver"), found.update, *_both(*parts))
     return evaluation, judge(found), to_json(tool_result(found, evaluation), judge(found))
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from nico_selfmodel.cli import printer
+from nico_selfmodel.cli import inputs, printer
 from nico_selfmodel.cli.result_files import stamped, write_with_report
 
 if TYPE_CHECKING:
@@ -52,10 +52,11 @@ def calibrate(
     from nico_selfmodel.result_folder.writing import write_result
 
     refuse_folder(out, force=force, inputs=[dataset, test, robot, cameras, boards])
+    inputs.refuse_untested(require_test_mm, require_test_px, test, test_fraction)
     wishes = Wishes(FixedParameters.from_text(fix or (), free or ()), priors_of(prior or ()))
     may_bend, vertical = effects_of(effects), up_of(up)
     train, held_out = _train_and_test(dataset, test, test_fraction, seed)
-    lenses = _lenses(cameras)
+    lenses = _lenses(cameras, train)
     with printer.progress_bar() as progress:
         if boards is not None and board is not None:
             train = _with_boards(train, boards, board, progress)
@@ -105,6 +106,7 @@ def calibrate_mirrors(
     from nico_selfmodel.estimation.tree.mirrors.body_mirrors import calibrate_body_mirrors
     from nico_selfmodel.model.tree.body_model import load_body
 
+    inputs.refuse_untested(None, require_test_px, test, test_fraction)
     body = load_body(model)
     train, held_out = _train_and_test(dataset, test, test_fraction, seed)
     with printer.progress_bar() as progress:
@@ -181,14 +183,18 @@ def _train_and_test(
     dataset: Path, test: Path | None, fraction: float | None, seed: int
 ) -> "tuple[BodyDataset, BodyDataset | None]":
     """Load the training data, and what is held out of them or beside them."""
-    from nico_selfmodel.dataset.body.body_folder import load_body_dataset
+    from nico_selfmodel.dataset.body.body_folder import body_content_hash, load_body_dataset
 
     if test is not None and fraction is not None:
         raise ValueError("give --test or --test-fraction, not both")
     train = load_body_dataset(dataset)
     if fraction is not None:
         return train.split(fraction, seed)
-    return train, None if test is None else load_body_dataset(test).like(train)
+    if test is None:
+        return train, None
+    held_out = load_body_dataset(test)
+    inputs.refuse_training_data(test, body_content_hash(held_out), body_content_hash(train))
+    return train, held_out.like(train)
 
 
 def _with_boards(
@@ -213,11 +219,23 @@ def _with_boards(
     return with_boards(data, found.seen_views)
 
 
-def _lenses(path: Path | None) -> "dict[str, Camera]":
-    """Return the intrinsics of calibrated cameras, by name."""
+def _lenses(path: Path | None, data: "BodyDataset") -> "dict[str, Camera]":
+    """Return the intrinsics of calibrated cameras, by name; refuse those of others alone."""
+    from nico_selfmodel.dataset.body.sensors import CAMERA
+    from nico_selfmodel.errors import DataError
     from nico_selfmodel.model.self_model_file import load_model
+    from nico_selfmodel.names import listed
 
-    return {} if path is None else dict(load_model(path).cameras)
+    if path is None:
+        return {}
+    lenses = dict(load_model(path).cameras)
+    seeing = [sensor.name for sensor in data.sensors if sensor.kind == CAMERA]
+    if not set(lenses) & set(seeing):
+        raise DataError(
+            f"--cameras {path} holds the cameras {listed(lenses) or 'none'}, data set "
+            f"{data.name!r} has {listed(seeing) or 'none'}: they are matched by name"
+        )
+    return lenses
 
 
 def _described(robot: str, data: "BodyDataset", lenses: "dict[str, Camera]") -> "Description":

@@ -45,7 +45,10 @@ def calibrate(
     Raises:
         ValueError: If no self-model with both cameras is given.
     """
+    from nico_selfmodel.dataset.folder import load_dataset
+
     if model is None:
+        load_dataset(dataset)  # says what it is instead
         raise ValueError(f"{dataset} is of an arm and two cameras: give them with --model")
     from nico_selfmodel.estimation.bending.what_bends import effects_of, up_of
     from nico_selfmodel.estimation.body.body import calibrate_body
@@ -56,6 +59,7 @@ def calibrate(
     from nico_selfmodel.model.self_model_file import load_model
 
     refuse_folder(out, force=force, inputs=[dataset, model, boards, test, robot])
+    inputs.refuse_untested(require_test_mm, require_test_px, test, test_fraction)
     pins = FixedParameters.from_text(fix or (), free or ())
     may_bend, vertical = effects_of(effects), up_of(up)
     chosen = BodyOptions(stage, variant, pins.pinned, pins.freed, loss)

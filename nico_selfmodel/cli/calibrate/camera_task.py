@@ -72,6 +72,7 @@ class CameraTask:
         from nico_selfmodel.vision.boards.board_detections import detect_boards_of_cameras
 
         refuse_folder(out, force=force, inputs=[self.folder])
+        inputs.refuse_untested(None, self.require_test_px, self.test_fraction)
         known = inputs.model_of(self.known)
         name = self.name or inputs.name_after(self.folder)
         with printer.progress_bar() as progress:

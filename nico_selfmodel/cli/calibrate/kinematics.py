@@ -5,10 +5,9 @@ from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import options, printer
+from nico_selfmodel.cli import inputs, options, printer
 from nico_selfmodel.cli.calibrate.arm_task import ArmTask
 from nico_selfmodel.cli.result_files import command_line
-from nico_selfmodel.parallel import Workers
 
 
 def kinematics(
@@ -25,7 +24,9 @@ def kinematics(
     loss: options.Loss = "trimmed",
     effects: options.Effects = "auto",
     up: options.Up = None,
-    starts: Annotated[int, typer.Option("--starts", min=0, help="Random starts allowed.")] = 10,
+    starts: Annotated[
+        int, typer.Option("--starts", min=0, max=1_000_000, help="Random starts allowed.")
+    ] = 10,
     robot: options.Robot = None,
     arm: options.Arm = None,
     base: options.Base = None,
@@ -50,6 +51,7 @@ def kinematics(
     from nico_selfmodel.files.whole import refuse_folder
 
     refuse_folder(out, force=force, inputs=[*dataset, test, robot, cameras])
+    inputs.refuse_untested(require_test_mm, None, test, test_fraction)
     task = ArmTask(
         *(test, test_fraction, seed, method, fix, free, loss, starts),
         *(
@@ -75,6 +77,7 @@ def kinematics(
     if test is not None or name is not None:
         raise ValueError("--test and --name are for one data set: take --test-fraction for many")
     from nico_selfmodel.cli.calibrate.many import calibrate_many, recordings_in
+    from nico_selfmodel.parallel import Workers
 
     recordings, workers = recordings_in(dataset), Workers(processes, dask)
     calibrate_many(recordings, task, workers, out, force=force, as_json=as_json)

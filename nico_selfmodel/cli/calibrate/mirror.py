@@ -59,6 +59,7 @@ def mirror(
             force=force,
             as_json=as_json,
         )
+    inputs.refuse_untested(None, require_test_px, test, test_fraction)
     train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)
     body = load_model(model)
     with printer.progress_bar() as progress:

@@ -33,8 +33,8 @@ def tool(
     Of a body of any tree the recording lists the tip as a marker on the link that holds it.
     """
     from nico_selfmodel.estimation.judging import judge, to_json
-    from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, with_marker
-    from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update, marked
+    from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, of_tip, with_marker
+    from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update
     from nico_selfmodel.estimation.monitoring.update_result import tool_result
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.model.self_model_file import load_model
@@ -64,9 +64,9 @@ def tool(
     evaluation = evaluate_update(
         with_marker(known, found.tool),
         found.update,
-        marked(train, found.tool),
+        of_tip(known, train, found.tool),
         found.sensor,
-        None if held_out is None else marked(held_out, found.tool),
+        None if held_out is None else of_tip(known, held_out, found.tool),
         with_prior=free_body,
     )
     document = stamped(to_json(tool_result(found, evaluation), verdict))

@@ -114,14 +114,20 @@ class BodyDataset:
         object.__setattr__(self, "readings", read_only(self.readings, float))
         flanges = np.full((count, n, 6), np.nan) if self.flanges is None else self.flanges
         object.__setattr__(self, "flanges", read_only(flanges, float))
-        if self.readings.shape != (count, n) or self.X_flange.shape != (count, n, 4, 4):
+        if self.readings.shape != (count, n) or np.shape(flanges) != (count, n, 6):
             raise ValueError(f"readings must have shape ({count}, {n}), got {self.readings.shape}")
         approach = np.zeros((count, n)) if self.approach is None else self.approach
         object.__setattr__(self, "approach", read_only(approach, np.int8))
         if np.shape(approach) != (count, n) or not np.isin(approach, (-1, 0, 1)).all():
             raise ValueError(f"approach must be -1, 0 or 1, of shape ({count}, {n})")
-        if len(set(self.sample.tolist())) != count or not count:
-            raise DataError("samples must be one or more, each with its own number")
+        if not count:
+            raise DataError("there must be one sample or more")
+        numbers, times = np.unique(self.sample, return_counts=True)
+        if times.max() > 1:
+            twice = listed(numbers[times > 1].tolist())
+            raise DataError(
+                f"each sample must have its own number; more than once there is {twice}"
+            )
         _check_readings(self)
         _check_observations(self)
 
@@ -149,8 +155,19 @@ class BodyDataset:
     @cached_property
     def X_flange(self) -> NDArray:
         """Poses that controllers read; the identity where there is none. Shape (P, n, 4, 4)."""
-        values = np.nan_to_num(np.asarray(self.flanges))
-        return transform(rotation_from_vector(values[..., 3:]), values[..., :3])
+        told = self._flange_joints
+        still = np.broadcast_to(np.eye(4), (*self.readings.shape, 4, 4))
+        if not len(told):
+            return still
+        values = np.nan_to_num(np.asarray(self.flanges)[:, told])
+        out = still.copy()
+        out[:, told] = transform(rotation_from_vector(values[..., 3:]), values[..., :3])
+        return out
+
+    @property
+    def _flange_joints(self) -> NDArray:
+        """Joints whose poses were told at some sample. Shape (K,)."""
+        return np.flatnonzero(np.isfinite(np.asarray(self.flanges)).any(axis=(0, 2)))
 
     @cached_property
     def pose(self) -> NDArray:
@@ -164,7 +181,7 @@ class BodyDataset:
 
     @cached_property
     def _numbers(self) -> tuple[NDArray, NDArray]:
-        flanges = self.X_flange.reshape(len(self.sample), -1)
+        flanges = self.X_flange[:, self._flange_joints].reshape(len(self.sample), -1)
         all_read = np.hstack([self.si_readings, flanges])
         if self.free_joints:  # nobody read whether what moves freely stayed where it was
             count = len(self.sample)

@@ -1,7 +1,6 @@
 """A recording of a body as a folder: `dataset.yaml`, `poses.csv`, `observations.csv`."""
 
 import hashlib
-import math
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
@@ -24,7 +23,7 @@ from nico_selfmodel.dataset.columns import APPROACH, ENCODER
 from nico_selfmodel.dataset.csv_table import CsvTable
 from nico_selfmodel.dataset.samples_file import side_column
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.files.csv_cells import quoted_cell, safe_cell
+from nico_selfmodel.files.csv_cells import number_cells, table_text, text_cells
 from nico_selfmodel.files.reading import real_path
 from nico_selfmodel.files.whole import folder_in_place_of, refuse_existing
 from nico_selfmodel.files.yaml_mapping import (
@@ -72,6 +71,7 @@ def load_body_dataset(folder: str | PathLike[str]) -> BodyDataset:
     sample = poses.integers("sample")
     readings, flanges = _read_joints(poses, head["joints"])
     sides = [side_column(poses, f"{APPROACH}.{joint.name}") for joint in head["joints"]]
+    del poses  # a million rows of text take half a gigabyte
     table = CsvTable.read(folder / FILES[2])
     observations = _read_observations(table, sample, head["markers"], head["sensors"])
     try:
@@ -237,14 +237,15 @@ def _read_observations(
 
 
 def _samples_of(table: CsvTable, sample: NDArray) -> NDArray:
-    cells = table.texts("sample")
+    cells = table.texts("sample").tolist()
     index = {str(number): k for k, number in enumerate(sample.tolist())} | {"": ANY_POSE}
-    for row, cell in enumerate(cells.tolist()):
-        if cell not in index:
-            raise DataError(
-                f"{table.where(row, 'sample')}: {shown(cell)} is no sample of poses.csv"
-            )
-    return np.array([index[cell] for cell in cells.tolist()], dtype=np.int64)
+    found = list(map(index.get, cells))
+    if None in found:
+        row = found.index(None)
+        raise DataError(
+            f"{table.where(row, 'sample')}: {shown(cells[row])} is no sample of poses.csv"
+        )
+    return np.array(found, dtype=np.int64)
 
 
 def _indices(
@@ -252,13 +253,15 @@ def _indices(
 ) -> NDArray:
     index = {name: k for k, name in enumerate(names)}
     cells = table.texts(column).tolist()
-    for row, cell in enumerate(cells):
-        if cell not in index and (rows is None or rows[row]):
-            raise DataError(
-                f"{table.where(row, column)}: {shown(cell)} is not listed in dataset.yaml; there "
-                f"are {listed(names, cell)}"
-            )
-    return np.array([index.get(cell, -1) for cell in cells], dtype=np.int64)
+    found = np.array([index.get(cell, -1) for cell in cells], dtype=np.int64)
+    unknown = found < 0 if rows is None else (found < 0) & rows
+    if unknown.any():
+        row = int(np.argmax(unknown))
+        raise DataError(
+            f"{table.where(row, column)}: {shown(cells[row])} is not listed in dataset.yaml; there "
+            f"are {listed(names, cells[row])}"
+        )
+    return found
 
 
 def _head_text(data: BodyDataset) -> str:
@@ -280,27 +283,28 @@ def _poses_text(data: BodyDataset) -> str:
     for i, joint in enumerate(data.joints):
         if joint.motion == FLANGE:
             for name, column in zip(_POSE, flanges[:, i].T, strict=True):
-                columns[f"flange.{joint.name}.{name}"] = _cells(column)
+                columns[f"flange.{joint.name}.{name}"] = number_cells(column.tolist())
         elif joint.is_read:
-            columns[f"{ENCODER}.{joint.name}"] = _cells(data.readings[:, i])
+            columns[f"{ENCODER}.{joint.name}"] = number_cells(data.readings[:, i].tolist())
     approach = np.asarray(data.approach)
     if approach.any():
         for joint, side in zip(data.joints, approach.T, strict=True):
             if joint.is_read:
                 columns[f"{APPROACH}.{joint.name}"] = [str(s) for s in side.tolist()]
-    return _csv(columns)
+    return table_text(columns)
 
 
 def _observations_text(data: BodyDataset) -> str:
     table = data.observations
     numbers = [*(str(s) for s in data.sample.tolist()), ""]
-    names = [m.name for m in data.markers]
+    names = text_cells(m.name for m in data.markers)
+    sensors = text_cells(s.name for s in data.sensors)
     columns = {
         "sample": [numbers[k] for k in table.pose.tolist()],
-        "sensor": [data.sensors[k].name for k in table.sensor.tolist()],
+        "sensor": [sensors[k] for k in table.sensor.tolist()],
         "marker": [names[k] for k in table.marker.tolist()],
         "other": [names[k] if k >= 0 else "" for k in table.other.tolist()],
-        "mirror": table.mirror.tolist(),
+        "mirror": text_cells(table.mirror.tolist()),
     }
     by_name = {name: np.full(len(table), np.nan) for name in _VALUES}
     for i, info in enumerate(data.sensors):
@@ -311,14 +315,5 @@ def _observations_text(data: BodyDataset) -> str:
         del columns["other"]
     if not data.mirrors:
         del columns["mirror"]
-    columns |= {k: _cells(v) for k, v in by_name.items() if np.isfinite(v).any()}
-    return _csv(columns)
-
-
-def _cells(values: NDArray) -> list[str]:
-    return ["" if math.isnan(value) else repr(value) for value in values.tolist()]
-
-
-def _csv(columns: dict[str, list[str]]) -> str:
-    rows = [list(columns), *zip(*columns.values(), strict=True)]
-    return "".join(",".join(quoted_cell(safe_cell(cell)) for cell in row) + "\n" for row in rows)
+    columns |= {k: number_cells(v.tolist()) for k, v in by_name.items() if np.isfinite(v).any()}
+    return table_text(columns)

@@ -24,6 +24,11 @@ _ROUNDS = 2
 """Further solutions, each weighed where the last one ended."""
 
 
+def update_words(misfit: float, expected: float) -> str:
+    """Say what is left of new observations, and what was to be expected."""
+    return f"misfit {misfit:.0f}, {expected:.0f} was to be expected"
+
+
 @dataclass(frozen=True, eq=False)
 class BlockUpdate:
     """A body of which a block of parameters was learned anew."""
@@ -49,6 +54,14 @@ class BlockUpdate:
     def score(self) -> float:
         """How many standard deviations the misfit lies above what was to be expected."""
         return (self.misfit - self.expected) / self.spread if self.spread > 0.0 else 0.0
+
+    @property
+    def misfit_words(self) -> str:
+        """What is left of the observations, in words: of those that were not set aside."""
+        if outliers_are_many(self.outliers) is not None:
+            wrong = f"{self.outliers.sum()} of {self.outliers.size}"
+            return f"{wrong} observations contradict what was learned"
+        return update_words(self.misfit, self.expected)
 
     @property
     def fits(self) -> bool:

@@ -11,6 +11,7 @@ from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.monitoring.body_causes import body_causes, body_changes
 from nico_selfmodel.estimation.monitoring.diagnosis import ranked_causes
 from nico_selfmodel.estimation.monitoring.health import HealthReport, in_turn, watched
+from nico_selfmodel.estimation.noise.contradictions import LEAST_SHARE
 from nico_selfmodel.estimation.noise.hand_observations import laid_out
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
@@ -22,9 +23,9 @@ from nico_selfmodel.model.noise_mixture import NoiseMixture
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.optimization.uncertainty import root_of
 
-_WIDER, _TAIL_SHARE, _OUTLIER_SHARE = 3.0, 0.05, 0.005
+WIDER, TAIL_SHARE = 3.0, 0.05
 """A body says what noise is usual. Rarer noise is taken so many times as wide, and of so large a
-share of the poses; shares of false detections."""
+share of the poses."""
 _DIRECTIONS = 30
 """Of what a body is uncertain by, that count."""
 _ABOUT = 100
@@ -47,12 +48,10 @@ def check_body_health(model: BodyModel, data: BodyDataset) -> HealthReport:
     """
     noise = expected_body_noise(model, data)
     poses = body_poses(model, data)
-    covariance = np.zeros((len(poses.names),) * 2)
-    if model.covariance is not None:
-        whole = laid_out(model.covariance.names, model.covariance.matrix, poses.names)
-        covariance = _leading(poses, whole)
+    covariance = shown_covariance(model, poses)
     causes = body_causes(model.tree, poses.names)
-    report = watched(poses, noise, covariance, body_changes(model.tree, causes))
+    changes, share = body_changes(model.tree, causes), false_share(poses.dof // 2)
+    report = watched(poses, noise, covariance, changes, share)
     if report.alarm_at is None or report.changed_at is None:
         return report
     since, found = in_turn(
@@ -61,6 +60,23 @@ def check_body_health(model: BodyModel, data: BodyDataset) -> HealthReport:
         report.alarm_at,
     )
     return replace(report, changed_at=since, diagnoses=found)
+
+
+def false_share(detections: NDArray) -> float:
+    """Return the share of poses in which a sensor is to be expected to be wrong, 1 - (1 - g)^n.
+
+    Args:
+        detections: How many each pose has, any of which may be false, n. Shape (N,).
+    """
+    return float(np.mean(1.0 - (1.0 - LEAST_SHARE) ** detections))
+
+
+def shown_covariance(model: BodyModel, poses: PoseResiduals) -> NDArray:
+    """Return the covariance of the poses' parameters, as far as poses show it. Shape (P, P)."""
+    if model.covariance is None:
+        return np.zeros((len(poses.names),) * 2)
+    known = model.covariance
+    return _leading(poses, laid_out(known.names, known.matrix, poses.names))
 
 
 def _leading(poses: PoseResiduals, covariance: NDArray) -> NDArray:
@@ -92,8 +108,8 @@ def expected_body_noise(model: BodyModel, data: BodyDataset) -> NoiseMixture:
         )
     sensor = float(np.sqrt(np.mean(np.square(known[0]))))
     joint = float(np.sqrt(np.mean(np.square(known[1])))) if known[1] else 0.0
-    wider = (_WIDER * sensor, _WIDER * joint)
-    return NoiseMixture(sensor, joint, *wider, _TAIL_SHARE, _OUTLIER_SHARE, _ABOUT)
+    wider = (WIDER * sensor, WIDER * joint)
+    return NoiseMixture(sensor, joint, *wider, TAIL_SHARE, LEAST_SHARE, _ABOUT)
 
 
 def body_poses(model: BodyModel, data: BodyDataset) -> PoseResiduals:
@@ -114,10 +130,10 @@ def body_poses(model: BodyModel, data: BodyDataset) -> PoseResiduals:
     parameters = TreeParameters(model.tree)
     linear = TreeResiduals(seen, parameters).linear(parameters.values_of(model.tree))
     pose = told.observations.pose[seen.row]
-    return _stacked(linear, pose, parameters.names, data.sample)
+    return stacked(linear, pose, parameters.names, data.sample)
 
 
-def _stacked(
+def stacked(
     linear: TreeLinear, pose: NDArray, names: tuple[str, ...], sample: NDArray
 ) -> PoseResiduals:
     """Lay scalars into the places of their poses, zeros where there are fewer."""

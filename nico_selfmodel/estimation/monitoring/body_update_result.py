@@ -5,8 +5,18 @@ from typing import Any
 
 import numpy as np
 
-from nico_selfmodel.estimation.monitoring.body_relearning import BodyUpdate
-from nico_selfmodel.estimation.monitoring.update_result import OUTLIER_CAUSE, update_words
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.errors import DataError, EstimationError, ModelError
+from nico_selfmodel.estimation.monitoring.block_update import update_words
+from nico_selfmodel.estimation.monitoring.body_health import (
+    body_poses,
+    false_share,
+    shown_covariance,
+)
+from nico_selfmodel.estimation.monitoring.body_relearning import BodyUpdate, relearn_body
+from nico_selfmodel.estimation.monitoring.health import HealthReport
+from nico_selfmodel.estimation.monitoring.update_result import OUTLIER_CAUSE
+from nico_selfmodel.estimation.noise.contradictions import contradictions
 from nico_selfmodel.estimation.results.calibration_result import (
     FAILURE,
     CalibrationResult,
@@ -14,6 +24,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     findings,
 )
 from nico_selfmodel.estimation.tree.tree_result import errors_of_tree, tree_result
+from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import REVOLUTE, WORLD
 from nico_selfmodel.names import listed
 
@@ -50,6 +61,29 @@ def body_update_result(update: BodyUpdate) -> CalibrationResult:
             untested=f"the rest of the body fits ({words})",
         ),
     )
+
+
+def left_by_cause(model: BodyModel, data: BodyDataset, report: HealthReport) -> str | None:
+    """Return what the likeliest cause leaves unexplained, in words; None where it explains all.
+
+    Args:
+        model: The body as it was.
+        data: The recording that was checked.
+        report: What was found in it.
+    """
+    if not report.diagnoses:
+        return None
+    try:
+        update = relearn_body(model, data, report)
+    except (DataError, EstimationError, ModelError) as error:
+        return str(error)
+    anew, after = update.anew, update.model
+    if not anew.fits:
+        return _why(update, update_words(anew.misfit, anew.expected))
+    poses = body_poses(after, data.select(np.isin(data.sample, report.sample[report.changed_at :])))
+    share, known = false_share(poses.dof // 2), shown_covariance(after, poses)
+    against = contradictions(poses, report.noise, known, share)
+    return against.words if against.too_many else None
 
 
 def _why(update: BodyUpdate, misfit: str) -> str:

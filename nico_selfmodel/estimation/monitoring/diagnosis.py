@@ -141,8 +141,10 @@ def hypotheses(model: SelfModel, names: tuple[str, ...]) -> tuple[Hypothesis, ..
         found.append(simple_hypothesis(f"point {marker} on the hand", own, names))
     if len(model.markers) > 1:
         found.append(_hand(model, names))
-    found.append(simple_hypothesis("base of the arm against the cameras", M0_NAMES, names))
-    if set(RIGHT_POSE) <= set(names):
+    seen = set(RIGHT_POSE) <= set(names)
+    what = f"base of the arm against the {'cameras' if seen else 'tracker'}"
+    found.append(simple_hypothesis(what, M0_NAMES, names))
+    if seen:
         found.append(simple_hypothesis("pose of the right camera", RIGHT_POSE, names))
         both = (*M0_NAMES, *RIGHT_POSE)
         left = left_camera(model, names)

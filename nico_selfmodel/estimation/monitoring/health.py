@@ -3,7 +3,8 @@
 The noise that a training left (`training_noise`) says how likely each new pose is as the body was,
 and had it changed (`monitored_changes`); the ratios add up to the statistic of Shiryaev and Roberts
 (`monitor`), whose rate of false alarms is theory. No single pose raises the alarm: that is how a
-false detection looks.
+false detection looks. Poses here and there that contradict raise none either; a body with more of
+them than false detections explain does not pass (`contradictions`).
 """
 
 from collections.abc import Callable
@@ -20,6 +21,7 @@ from nico_selfmodel.estimation.monitoring.monitored_changes import (
     MonitoredChanges,
     monitored_changes,
 )
+from nico_selfmodel.estimation.noise.contradictions import Contradictions
 from nico_selfmodel.estimation.noise.hand_observations import covariance_of, hand_observations_of
 from nico_selfmodel.estimation.noise.mixture_density import MixtureDensity
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
@@ -53,11 +55,13 @@ class HealthReport:
     """Explanations, the best first; empty for a healthy body."""
     noise: NoiseMixture
     """What was expected to disturb the poses."""
+    contradictions: Contradictions
+    """Which poses are further off than that noise explains."""
 
     @property
     def healthy(self) -> bool:
-        """Whether no alarm was raised."""
-        return self.alarm_at is None
+        """Whether no alarm was raised, and no more poses contradict than are to be expected."""
+        return self.alarm_at is None and not self.contradictions.too_many
 
     @property
     def false_alarm_chance(self) -> float:
@@ -103,7 +107,11 @@ def check_health(model: SelfModel, dataset: Dataset, sensor: str = "auto") -> He
 
 
 def watched(
-    poses: PoseResiduals, noise: NoiseMixture, covariance: NDArray, changes: MonitoredChanges
+    poses: PoseResiduals,
+    noise: NoiseMixture,
+    covariance: NDArray,
+    changes: MonitoredChanges,
+    share: float | None = None,
 ) -> HealthReport:
     """Watch a body of any kind over poses, in their order.
 
@@ -112,6 +120,7 @@ def watched(
         noise: What is expected to disturb them.
         covariance: Of the poses' parameters. Shape (P, P).
         changes: What is looked for.
+        share: Of poses with false detections; what the noise says if omitted.
 
     Returns:
         Whether it fits, and since when not, as far as the monitor saw; no cause yet.
@@ -127,7 +136,8 @@ def watched(
             break
     since = None if alarm_at is None else monitor.changed_at
     nis = density.nis(poses.residuals)
-    return HealthReport(poses.sample, nis, poses.dof, course, alarm_at, since, (), noise)
+    against = Contradictions.of(poses, density, share)
+    return HealthReport(poses.sample, nis, poses.dof, course, alarm_at, since, (), noise, against)
 
 
 def dated(

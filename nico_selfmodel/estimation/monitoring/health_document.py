@@ -3,13 +3,20 @@
 from typing import Any
 
 from nico_selfmodel.estimation.monitoring.health import HealthReport
+from nico_selfmodel.estimation.noise.contradictions import WHERE_TO_LOOK
 
 _CAUSES_SHOWN = 5
 
 
-def health_document(report: HealthReport) -> dict[str, Any]:
-    """Return a health report as plain data; `status` is FAIL where something changed."""
-    chance = report.false_alarm_chance
+def health_document(report: HealthReport, left: str | None = None) -> dict[str, Any]:
+    """Return a health report as plain data; `status` is FAIL where something changed.
+
+    Args:
+        report: What was found.
+        left: What the likeliest cause leaves once it is learned anew; None where it explains all,
+            or that was not asked.
+    """
+    chance, against = report.false_alarm_chance, report.contradictions
     reasons = [
         f"{len(report.nis)} poses fit what is known of the body; with noise as in the "
         f"{report.noise.poses} poses that it was learned from, at most {100.0 * chance:.2g} % of "
@@ -17,13 +24,28 @@ def health_document(report: HealthReport) -> dict[str, Any]:
     ]
     if report.alarm_at is not None and report.changed_at is not None:
         best = report.diagnoses[0]
-        reasons = [
+        when = (
             f"something changed at sample {int(report.sample[report.changed_at])}, seen at sample "
-            f"{int(report.sample[report.alarm_at])}: {best.hypothesis.cause} (likelihood ratio "
-            f"{best.statistic:.0f}, chi-square of {best.dof})"
-        ]
+            f"{int(report.sample[report.alarm_at])}"
+        )
+        likeliest = (
+            f"{best.hypothesis.cause} (likelihood ratio {best.statistic:.0f}, chi-square of "
+            f"{best.dof})"
+        )
+        reasons = [f"{when}: {likeliest}"]
+        if left is not None:
+            reasons = [
+                f"{when}, and no one cause explains it: of {likeliest}, learned anew, is left: "
+                f"{left}",
+                "check that data and body are of one robot, in one unit, each marker under its own "
+                f"name; {WHERE_TO_LOOK}",
+            ]
         if not report.sure:
             reasons.append("few poses since: the cause may be another, record 10 or more")
+    elif against.too_many:
+        reasons = [f"{against.words}, and no one change explains them: {WHERE_TO_LOOK}"]
+    elif against.count:
+        reasons.append(against.words)
     return {
         "status": "PASS" if report.healthy else "FAIL",
         "reasons": reasons,
@@ -31,7 +53,12 @@ def health_document(report: HealthReport) -> dict[str, Any]:
         "nis_per_coordinate": float(report.nis.sum() / report.dof.sum()),
         "log_ratio": {"largest": float(report.log_ratio.max()), "threshold": report.threshold},
         "false_alarm_chance": chance,
+        "contradicting": {
+            "samples": report.sample[against.found].tolist(),
+            "most": against.most,
+        },
         "changed_at": _sample(report, report.changed_at),
+        "explained": left is None,
         "alarm_at": _sample(report, report.alarm_at),
         "causes": [
             {

@@ -62,9 +62,8 @@ class ToolCalibration:
         words = []
         if not self.update.fits:
             words.append(
-                f"the body no longer fits: misfit {self.update.misfit:.0f} where "
-                f"{self.update.expected:.0f} +- {self.update.spread:.0f} was to "
-                "be expected; run `nico-selfmodel monitor` to see what changed"
+                f"the body no longer fits: {self.update.misfit_words}; run `nico-selfmodel "
+                "monitor` to see what changed"
             )
         if not self.known and self.reach < _DIFFERENT * self.reach_sigma:
             words.append(
@@ -101,9 +100,9 @@ def calibrate_tool(
 
     Args:
         model: The body without the tool.
-        dataset: Encoder readings, and pixels or measured points of the tip.
-        tool: Name of the tip among the markers; that in the data, or `tool` if that is a known
-            marker's.
+        dataset: Encoder readings, and pixels or measured points of the tip; points of the hand
+            beside it are left out.
+        tool: Name of the tip among the markers; see `of_tip`.
         free: `point`: the tip alone. `body`: everything else too, with what is known of it as
             prior; worth while from about 20 poses.
         sensor: `pixels`, `points` or `auto`.
@@ -117,14 +116,14 @@ def calibrate_tool(
         DataError: If the data do not suit the model, or nothing was seen.
         ModelError: If the model knows no noise.
         NotIdentifiableError: If the hand hardly moved.
-        ValueError: If `free` or `sensor` is unknown.
+        ValueError: If `free` or `sensor` is unknown, or nothing tells which point is the tip.
     """
     if free not in ("point", "body"):
         raise ValueError(f"free must be 'point' or 'body', got {free!r}")
     clock = time.perf_counter()
-    tool = tool or _tool_name(model, dataset)
+    data = of_tip(model, dataset, tool)
+    tool = str(data.marker[0])
     held = with_marker(model, tool)
-    data = replace(dataset, marker=np.full(len(dataset), tool))
     observations = hand_observations_of(held, data, sensor)
     names = tuple(f"hand.{tool}.{axis}" for axis in "xyz")
     _require_motion(observations, names)
@@ -137,8 +136,7 @@ def calibrate_tool(
     kind = "pixels" if observations.seen.shape[1] == 4 else "points"
     tested, poses = None, 0
     if test is not None:
-        marked = replace(test, marker=np.full(len(test), tool))
-        held_out = hand_observations_of(learned, marked, kind)
+        held_out = hand_observations_of(learned, of_tip(model, test, tool), kind)
         tested, poses = errors_of(held_out), len(np.unique(held_out.sample))
     return ToolCalibration(
         learned,
@@ -237,10 +235,35 @@ def errors_of(observations: HandObservations) -> NDArray:
     return errors[np.isfinite(errors)]
 
 
-def _tool_name(model: SelfModel, dataset: Dataset) -> str:
+def of_tip(model: SelfModel, dataset: Dataset, tool: str | None = None) -> Dataset:
+    """Return the rows of data that show a tool's tip, under its name.
+
+    Where the data show but one point that is the body's own, that point is the tip: a tracker that
+    knows one thing calls it the hand, whatever is in the hand.
+
+    Args:
+        model: The body without the tool.
+        dataset: What was measured.
+        tool: Name of the tip; if omitted that of the point that the body does not know, or `tool`.
+
+    Raises:
+        ValueError: If there is no such point, or several may be the tip.
+    """
     seen = dataset.measured | np.isfinite(dataset.pixels).any(axis=1)
     named = list(dict.fromkeys(dataset.marker[seen].tolist()))
-    return named[0] if len(named) == 1 and named[0] not in model.markers else "tool"
+    new = [name for name in named if name not in model.markers]
+    if len(named) > 1 and tool is None and len(new) != 1:
+        raise ValueError(
+            f"data set {dataset.name!r} tracks {listed(named)}, of which the self-model knows "
+            f"{listed(model.markers)}: name the tip by --tool"
+        )
+    if tool is not None and tool not in named and (new or len(named) > 1):
+        raise ValueError(
+            f"data set {dataset.name!r} tracks no point {tool!r}; there are {listed(named, tool)}"
+        )
+    tool = tool or (new[0] if new else "tool")
+    rows = dataset if len(named) < 2 else dataset.select(dataset.marker == tool)
+    return replace(rows, marker=np.full(len(rows), tool))
 
 
 def with_marker(model: SelfModel, tool: str) -> SelfModel:

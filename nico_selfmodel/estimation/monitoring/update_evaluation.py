@@ -1,6 +1,6 @@
 """What learning a few parameters anew was worth: errors before and after, on poses left out too."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -127,8 +127,3 @@ def _cross_validate(
         left = train.select(np.isin(train.sample, poses[own]))
         errors.append(HeldAgainst.of(model, left, sensor).errors)
     return np.concatenate(errors) if errors else None
-
-
-def marked(dataset: Dataset, marker: str) -> Dataset:
-    """Return data of which every row shows one point."""
-    return replace(dataset, marker=np.full(len(dataset), marker))

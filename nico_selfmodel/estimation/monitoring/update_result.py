@@ -27,11 +27,6 @@ OUTLIER_CAUSE = "were other things taken for the hand, or did the body change in
 """What many outliers of few poses hint at."""
 
 
-def update_words(misfit: float, expected: float) -> str:
-    """Say what is left of new observations, and what was to be expected."""
-    return f"misfit {misfit:.0f}, {expected:.0f} was to be expected"
-
-
 def tool_result(
     calibration: ToolCalibration, evaluation: UpdateEvaluation | None = None
 ) -> CalibrationResult:
@@ -106,7 +101,7 @@ def update_errors(errors: NDArray, sensor: str) -> Errors:
 
 def _of_update(method: str, update: BlockUpdate, seconds: float | None) -> CalibrationResult:
     """Return parameters that were learned anew from few poses, which all take part."""
-    words = update_words(update.misfit, update.expected)
+    words = update.misfit_words
     broken = (
         None if update.fits else f"the rest of the body no longer fits ({words}): run `monitor`"
     )

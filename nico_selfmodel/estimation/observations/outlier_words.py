@@ -28,15 +28,24 @@ def describe_outliers(observations: Observations, outliers: NDArray) -> str:
     samples = np.unique(observations.sample[outliers])
     # Frozen readings repeat in inlier poses only where the arm really was there.
     stuck = _stuck_encoder(observations, outliers)
+    if samples.size > 1 and stuck:
+        return f"samples {samples[0]} to {samples[-1]}{stuck}"
+    return name_samples(samples)
+
+
+def name_samples(samples: NDArray) -> str:
+    """Return words for samples: the first ones by number, a run of them by its ends.
+
+    Args:
+        samples: Their numbers, ascending, at least one. Shape (n,).
+    """
     if samples.size == 1:
         return f"sample {samples[0]}"
-    if samples[-1] - samples[0] == samples.size - 1 or stuck:
-        words = f"samples {samples[0]} to {samples[-1]}"
-    else:
-        more = samples.size - _SHOWN
-        words = "samples " + ", ".join(str(s) for s in samples[:_SHOWN].tolist())
-        words += f" and {more} more" if more > 0 else ""
-    return words + stuck
+    if samples[-1] - samples[0] == samples.size - 1:
+        return f"samples {samples[0]} to {samples[-1]}"
+    more = samples.size - _SHOWN
+    words = "samples " + ", ".join(str(s) for s in samples[:_SHOWN].tolist())
+    return words + (f" and {more} more" if more > 0 else "")
 
 
 def _stuck_encoder(observations: Observations, outliers: NDArray) -> str:

@@ -14,7 +14,6 @@ from nico_selfmodel.geometry.rotation import (
     rotation_from_vector,
     rotation_vector_of,
     rotation_vector_slope,
-    skew,
 )
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.arm.bending import Bending
@@ -160,26 +159,30 @@ class DhParameters:
         q = (encoder_angles - self.servos.offset) / self.servos.gear
         posture = loaded(t, self.bending, q, approach)
         frames = posture.frames
-        last = frames[-1]
-        p = np.einsum("kij,kj->ki", last[:, :3, :3], t.p_NH[marker]) + last[:, :3, 3]
+        last = frames[-1].transpose(1, 2, 0)
+        R = last[:3, :3]
+        p = np.sum(R * t.p_NH[marker].T, axis=1) + last[:3, 3]
         jacobian = np.zeros((len(q), 3, len(self.names)), p.dtype)
-        jacobian[:, :, :3] = np.eye(3)
-        jacobian[:, :, 3:6] = -skew(p - t.X_W0[:3, 3]) @ rotation_vector_slope(self.base_turn)
-        by_joint = self._by_joint(frames, p, posture.q + t.theta_zero)
-        jacobian[:, :, 6 : 6 + 6 * n] = by_joint.transpose(3, 1, 2, 0).reshape(len(q), 3, 6 * n)
+        by_pose = jacobian.transpose(1, 2, 0)
+        by_pose[:, :3] = np.eye(3)[:, :, None]
+        turn = rotation_vector_slope(self.base_turn)
+        by_pose[:, 3:6] = cross(turn[:, :, None], (p - t.X_W0[:3, 3:])[:, None])
+        for k, by_part in enumerate(self._by_joint(frames, p, posture.q + t.theta_zero)):
+            by_pose[:, 6 + k : 6 + 6 * n : 6] = by_part
         for m in range(len(t.markers)):
             column = 6 + 6 * n + 3 * m
-            jacobian[:, :, column : column + 3] = last[:, :3, :3] * (marker == m)[:, None, None]
+            by_pose[:, column : column + 3] = R * (marker == m)
         if self.bending is not None:
-            first = 6 + 6 * n + 3 * len(t.markers)
-            jacobian[:, :, first:] = posture.slopes(self.bending, p).transpose(1, 0, 2)
-        return p, jacobian
+            by_pose[:, 6 + 6 * n + 3 * len(t.markers) :] = posture.slopes(
+                self.bending, p.T
+            ).transpose(0, 2, 1)
+        return p.T, jacobian
 
     def _by_joint(self, frames: NDArray, p: NDArray, theta: NDArray) -> NDArray:
-        """Return the derivatives by the parts of each row. Shape (6, 3, n, N)."""
+        """Return the derivatives by the parts of each row, p of shape (3, N). (6, 3, n, N)."""
         t, gear = self.table, self.servos.gear[:, None]
         axes = frames[:, :, :3].transpose(2, 3, 0, 1)
-        arm = p.T[:, None] - axes[:, 3]
+        arm = p[:, None] - axes[:, 3]
         z, y = axes[:, 2, :-1], axes[:, 1, 1:]
         # The frame after a row has turned by beta about y since alpha turned it about this x.
         x = np.cos(t.beta)[:, None] * axes[:, 0, 1:] + np.sin(t.beta)[:, None] * axes[:, 2, 1:]

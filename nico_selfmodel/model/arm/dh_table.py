@@ -140,13 +140,23 @@ class DhTable:
             Shape (n + 1, 4, 4) or (n + 1, N, 4, 4).
         """
         theta = np.asarray(q) + self.theta_zero
-        rows = self.joint_motions(theta) @ self.links
-        frames = np.empty((len(self.joints) + 1, *theta.shape[:-1], 4, 4), rows.dtype)
+        lead, links = theta.shape[:-1], self.links
+        cosine, sine = np.cos(theta), np.sin(theta)
+        # Poses last: each step works on long rows, and so does who takes axes out of the frames.
+        kind = np.result_type(cosine, float)
+        out = np.empty((len(self.joints) + 1, 4, 4, *lead), kind)
+        frames = np.moveaxis(out, (1, 2), (-2, -1))
         frames[0] = self.X_W0
+        moved = np.empty((4, 4, *lead), kind)
         for i in range(len(self.joints)):
             if bearings is not None:
                 frames[i] = frames[i] @ bearings[i]
-            np.matmul(frames[i], rows[..., i, :, :], out=frames[i + 1])
+            x, y, z, origin = out[i].swapaxes(0, 1)
+            c, s = cosine[..., i], sine[..., i]
+            moved[:, 0], moved[:, 1] = c * x + s * y, c * y - s * x
+            moved[:, 2], moved[:, 3] = z, origin + self.D[i] * z
+            flat = links[i].T @ moved.reshape(4, 4, -1)
+            out[i + 1] = flat.reshape(moved.shape)
         return frames
 
     def joint_motions(self, theta: ArrayLike) -> NDArray:

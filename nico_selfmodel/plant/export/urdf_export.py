@@ -14,7 +14,6 @@ from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.model.arm.bending import EFFECTS
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant.export.plain_urdf import DENSITY, link_name, plain_document
-from nico_selfmodel.plant.export.shape_urdf import ShapeInUrdf
 from nico_selfmodel.plant.learned_frames import LearnedFrames, learned_frames, nominal_frames
 from nico_selfmodel.plant.urdf_document import (
     append_frame_link,
@@ -35,6 +34,7 @@ from nico_selfmodel.plant.urdf_document import (
 if TYPE_CHECKING:
     # It loads Drake's plant, which a robot of spheres and cylinders does not need.
     from nico_selfmodel.plant.description import ArmDescription
+    from nico_selfmodel.plant.export.shape_urdf import ShapeInUrdf
 
 MEASURING_FRAME = "measuring_frame"
 """The link that stands for the measuring frame W."""
@@ -45,7 +45,7 @@ def learned_urdf(
     model: SelfModel,
     description: "ArmDescription | None" = None,
     folder: str | Path | None = None,
-    shape: ShapeInUrdf | None = None,
+    shape: "ShapeInUrdf | None" = None,
 ) -> str:
     """Write a self-model as a URDF.
 

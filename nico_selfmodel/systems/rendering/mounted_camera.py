@@ -29,6 +29,18 @@ class Sight:
     """[m]."""
 
 
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What a camera sees of a sight."""
+
+    pixels: tuple[slice, slice]
+    """Rows and columns around it in the camera's picture."""
+    shown: NDArray
+    """Which of them look at it. Boolean, shape (rows, columns)."""
+    light: NDArray
+    """Red, green, blue, opacity, 8 bits. Shape (rows, columns, 4)."""
+
+
 class MountedCamera:
     """One camera and its lens."""
 
@@ -65,8 +77,12 @@ class MountedCamera:
         self._glasses, self._sights = tuple(glasses), tuple(sights)
         self._background = np.rint(255.0 * np.array([*background, 1.0])).astype(np.uint8)
 
-    def render(self, query: QueryObject) -> NDArray:
+    def render(self, query: QueryObject, looks: Sequence[Look] = ()) -> NDArray:
         """Return the bent picture. BGR, shape (h, w, 3).
+
+        Args:
+            query: Of the scene graph.
+            looks: What `look` returned of the same scene, for the picture to show it to the bit.
 
         Raises:
             RobotError: If the scene graph has no such renderer.
@@ -78,42 +94,47 @@ class MountedCamera:
                 seen = show_mirrors(query, pinhole, self._glasses, X_WC)
                 return bgr_of_rgba(self._warp.apply(seen))
             part = pinhole.part(query)
-            bent = self._warp.apply_to_part(part.picture, part.window, part.color, part.H)
-            self._show_sights(query, bent)
         except RuntimeError as error:
             raise self._unable(error) from error
-        return bgr_of_rgba(bent)
+        bent = self._warp.apply_to_part(part.picture, part.window, part.color, part.H)
+        return _with_looks(bent, looks)
 
-    def render_sights(self, query: QueryObject) -> NDArray:
-        """Return the bent picture of the sights, in a plain one. BGR, shape (h, w, 3).
+    def look(self, query: QueryObject) -> tuple[Look, ...]:
+        """Render what is about the sights in view, each by a camera that is turned there.
 
         Raises:
             RobotError: If the scene graph has no such renderer.
         """
-        bent = self._warp.plain(self._background).copy()
-        try:
-            self._show_sights(query, bent)
-        except RuntimeError as error:
-            raise self._unable(error) from error
-        return bgr_of_rgba(bent)
-
-    def _show_sights(self, query: QueryObject, bent: NDArray) -> None:
-        """Put what is about the sights into a bent picture. RGBA."""
-        pinhole, warp = self._pinhole, self._warp
+        pinhole, warp, looks = self._pinhole, self._warp, []
         for sight in self._sights:
             cone = pinhole.cone_about(query, sight.frame, sight.p_FS, sight.radius)
             found = warp.region_in(*cone)
             if found is None:
                 continue
             region, shown = found
-            rendered, H = pinhole.turned_to(query, warp.rays_of(region, shown))
-            bent[region.pixels][shown] = warp.bend_region(rendered, region, H)[shown]
+            try:
+                rendered, H = pinhole.turned_to(query, warp.rays_of(region, shown))
+            except RuntimeError as error:
+                raise self._unable(error) from error
+            looks.append(Look(region.pixels, shown, warp.bend_region(rendered, region, H)))
+        return tuple(looks)
+
+    def only(self, looks: Sequence[Look]) -> NDArray:
+        """Return a plain picture of the background that shows looks. BGR, shape (h, w, 3)."""
+        return _with_looks(self._warp.plain(self._background).copy(), looks)
 
     def _unable(self, error: RuntimeError) -> RobotError:
         return RobotError(
             f"the cameras cannot render with {self._pinhole.renderer!r}: "
             f"{' '.join(str(error).split())}"
         )
+
+
+def _with_looks(bent: NDArray, looks: Sequence[Look]) -> NDArray:
+    """Put looks into a bent picture. RGBA -> BGR."""
+    for look in looks:
+        bent[look.pixels][look.shown] = look.light[look.shown]
+    return bgr_of_rgba(bent)
 
 
 @lru_cache(maxsize=2)

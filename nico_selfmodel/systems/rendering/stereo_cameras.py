@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.geometry import FrameId, QueryObject
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
@@ -17,7 +17,7 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.systems.closing import Closable
 from nico_selfmodel.systems.image_values import image_value, write_bgr
 from nico_selfmodel.systems.rendering.mirror_scene import Glass
-from nico_selfmodel.systems.rendering.mounted_camera import MountedCamera, Sight
+from nico_selfmodel.systems.rendering.mounted_camera import Look, MountedCamera, Sight
 from nico_selfmodel.vision.images.image_array import sum_of
 
 RENDERER = "cameras"
@@ -65,6 +65,7 @@ class StereoCameras(Closable, LeafSystem):
 
     Cameras that are told of sights have two ports more, `left_sight` and `right_sight`: the same
     pictures, pixel by pixel, about the sights, and plain everywhere else, which renders faster.
+    At one time and pose sights are rendered once, for both ports.
 
     A picture is rendered when its port is asked for, once for each time and pose. Its noise depends
     on the seed and the number of the frame only, so that the same history gives the same bytes.
@@ -123,6 +124,17 @@ class StereoCameras(Closable, LeafSystem):
             period = 1.0 / (self.quality.fps * self.quality.exposures)
             self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._expose)
             needs = {self.all_state_ticket(), self.time_ticket()}
+        self._looks = [
+            self.DeclareCacheEntry(
+                f"looks of the {side} camera",
+                ValueProducer(
+                    lambda: AbstractValue.Make([]),
+                    lambda context, value, camera=k: self._find_looks(context, value, camera),
+                ),
+                needs,
+            )
+            for k, side in enumerate(SIDES if sights else ())
+        ]
         for what in ("image", "sight") if sights else ("image",):
             for side, (name, camera) in enumerate(zip(SIDES, rig.cameras, strict=True)):
                 take = self._take if what == "image" else self._look
@@ -135,9 +147,20 @@ class StereoCameras(Closable, LeafSystem):
 
     def _look(self, context: Context, value: AbstractValue, camera: int) -> None:
         """Put what is about the sights on a port."""
-        query = self._seen(context)
-        light = self.__cameras[camera].render_sights(query)
+        self.require_open()
+        light = self.__cameras[camera].only(self._looks_of(context, camera))
         write_bgr(self._develop(light, context.get_time(), camera), value.get_mutable_value())
+
+    def _find_looks(self, context: Context, value: AbstractValue, camera: int) -> None:
+        """Keep what a camera sees of the sights, which both of its ports show."""
+        query = self._seen(context)
+        value.set_value([self.__cameras[camera].look(query)])
+
+    def _looks_of(self, context: Context, camera: int) -> tuple[Look, ...]:
+        if not self._looks:
+            return ()
+        kept: Any = self._looks[camera].Eval(context)
+        return kept[0]
 
     def _take(self, context: Context, value: AbstractValue, camera: int) -> None:
         """Put a picture on a port."""
@@ -161,7 +184,7 @@ class StereoCameras(Closable, LeafSystem):
     def _render(self, context: Context, camera: int) -> NDArray:
         """Return what falls on a sensor, without noise. BGR, shape (h, w, 3)."""
         query = self._seen(context)
-        return self.__cameras[camera].render(query)
+        return self.__cameras[camera].render(query, self._looks_of(context, camera))
 
     def _seen(self, context: Context) -> QueryObject:
         """Return the scene graph to be rendered."""

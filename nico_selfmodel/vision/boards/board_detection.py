@@ -43,6 +43,10 @@ def grid_points(columns: int, rows: int, step: float, shift: int = 0) -> NDArray
     return flat * step
 
 
+_MOST_ALONG_SIDE = 999
+"""No picture shows more."""
+
+
 def checkers(columns: int, rows: int) -> NDArray:
     """Return the squares of a board with some inner corners, True where white; the first black.
 
@@ -57,10 +61,15 @@ def size_in(text: str, example: str) -> tuple[int, int]:
     Raises:
         ValueError: If it is something else, with `example` as what is expected.
     """
-    match = re.fullmatch(r"\s*(\d{1,3})\s*[x×]\s*(\d{1,3})\s*", text.lower())
+    match = re.fullmatch(r"\s*(\d{1,9})\s*[x×]\s*(\d{1,9})\s*", text.lower())
     if match is None:
         raise ValueError(f"a board is written as {example}, got {text!r}")
-    return int(match[1]), int(match[2])
+    columns, rows = int(match[1]), int(match[2])
+    if max(columns, rows) > _MOST_ALONG_SIDE:
+        raise ValueError(
+            f"a board has at most {_MOST_ALONG_SIDE} corners along a side, got {text!r}"
+        )
+    return columns, rows
 
 
 def cells_of(pattern: NDArray, corner: NDArray, side: float) -> NDArray:

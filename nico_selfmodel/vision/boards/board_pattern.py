@@ -34,7 +34,7 @@ def is_regular(grid: NDArray, gray: NDArray) -> bool:
         if np.any(change > _UNEVEN * mean_step):
             return False
     inside = _points_in_squares(grid, (0.3, 0.7), (0.3, 0.7))
-    squares = np.stack([_brightness(gray, points) for points in inside])
+    squares = _brightness(_smoothed(gray), np.stack(inside))
     sign = 1.0 - 2.0 * (np.indices(squares.shape[1:]).sum(axis=0) % 2)
     lighter = [
         (sign[:, 1:] * np.diff(squares, axis=2)).ravel(),
@@ -57,7 +57,7 @@ def is_plain(grid: NDArray, gray: NDArray) -> bool:
         True if nothing dark stands in most of the light squares.
     """
     shares = np.linspace(0.3, 0.7, 5)
-    values = np.stack([_brightness(gray, p) for p in _points_in_squares(grid, shares, shares)])
+    values = _brightness(_smoothed(gray), np.stack(_points_in_squares(grid, shares, shares)))
     light = np.indices(values.shape[1:]).sum(axis=0) % 2 == 1
     if values[:, light].mean() < values[:, ~light].mean():
         light = ~light
@@ -88,10 +88,11 @@ def continues_beyond(grid: NDArray, gray: NDArray) -> bool:
         *(_rectangle(across, [v]) for v in (-_BEYOND, rows - 1 + _BEYOND)),
         *(_rectangle([u], down) for u in (-_BEYOND, columns - 1 + _BEYOND)),
     ]
-    inner = contrast(grid, gray)
+    H, smoothed = _from_squares(grid), _smoothed(gray)
+    inner = _contrast(H, smoothed, _between(grid))
     if inner == 0.0:
         return False
-    return any(contrast(grid, gray, side) / inner > _CONTINUES for side in sides)
+    return any(_contrast(H, smoothed, side) / inner > _CONTINUES for side in sides)
 
 
 def contrast(grid: NDArray, gray: NDArray, squares: NDArray | None = None) -> float:
@@ -107,18 +108,32 @@ def contrast(grid: NDArray, gray: NDArray, squares: NDArray | None = None) -> fl
         The difference of the means, negative if the first inner square is a light one; NaN where
         fewer than two squares of a kind are in the image.
     """
-    rows, columns = grid.shape[:2]
-    if squares is None:
-        squares = _rectangle(np.arange(columns - 1) + 0.5, np.arange(rows - 1) + 0.5)
-    board = _rectangle(np.arange(columns), np.arange(rows))
-    pixels = apply_homography(homography(board, grid.reshape(-1, 2)), squares)
-    height, width = gray.shape
+    inside = _between(grid) if squares is None else squares
+    return _contrast(_from_squares(grid), _smoothed(gray), inside)
+
+
+def _contrast(H: NDArray, smoothed: NDArray, squares: NDArray) -> float:
+    pixels = apply_homography(H, squares)
+    height, width = smoothed.shape
     visible = np.all((pixels >= 0.0) & (pixels <= (width - 1.0, height - 1.0)), axis=1)
     light = np.floor(squares[visible]).sum(axis=1) % 2 == 1
     if min(light.sum(), (~light).sum()) < 2:
         return float("nan")
-    values = _brightness(gray, pixels[visible])
+    values = _brightness(smoothed, pixels[visible])
     return float(values[light].mean() - values[~light].mean())
+
+
+def _from_squares(grid: NDArray) -> NDArray:
+    """Return the homography from places in units of squares to pixels. Shape (3, 3)."""
+    rows, columns = grid.shape[:2]
+    board = _rectangle(np.arange(columns), np.arange(rows))
+    return homography(board, grid.reshape(-1, 2))
+
+
+def _between(grid: NDArray) -> NDArray:
+    """Return the middles of the squares between corners, in units of squares. Shape (n, 2)."""
+    rows, columns = grid.shape[:2]
+    return _rectangle(np.arange(columns - 1) + 0.5, np.arange(rows - 1) + 0.5)
 
 
 def smallest_square(grid: NDArray) -> float:
@@ -146,9 +161,13 @@ def _points_in_squares(grid: NDArray, across: ArrayLike, down: ArrayLike) -> lis
     ]
 
 
-def _brightness(gray: NDArray, pixels: NDArray) -> NDArray:
-    """Return means of 3 x 3 pixels. Shape (..., 2) -> (...)."""
-    height, width = gray.shape
+def _smoothed(gray: NDArray) -> NDArray:
+    """Return means of 3 x 3 pixels. Shape (h, w)."""
+    return cv2.blur(gray, (3, 3))
+
+
+def _brightness(smoothed: NDArray, pixels: NDArray) -> NDArray:
+    """Return what a smoothed image shows at the pixels nearest to places. (..., 2) -> (...)."""
+    height, width = smoothed.shape
     u, v = np.moveaxis(np.rint(pixels).astype(int), -1, 0)
-    blurred = cv2.blur(gray, (3, 3))
-    return blurred[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)].astype(float)
+    return smoothed[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)].astype(float)

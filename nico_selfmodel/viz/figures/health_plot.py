@@ -45,6 +45,9 @@ def health_plot(report: HealthReport) -> Figure:
 
 def _words(report: HealthReport) -> str:
     if report.alarm_at is None or report.changed_at is None:
+        if not report.healthy:
+            count = report.contradictions.count
+            return f"{count} of {len(report.nis)} poses contradict what is known of the body"
         return f"{len(report.nis)} poses fit what is known of the body"
     count = report.alarm_at - report.changed_at + 1
     needed = "one pose" if count == 1 else f"{count} poses"

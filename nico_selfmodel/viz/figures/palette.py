@@ -5,13 +5,16 @@ from itertools import cycle
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.colors import Colormap, LinearSegmentedColormap, to_rgb
+from matplotlib.colors import Colormap, LinearSegmentedColormap, to_hex, to_rgb
 from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.viz.figures.rgba import Rgba
 
 # Paul Tol's "bright" and "vibrant" schemes, without their reds: red means an outlier or a failure.
 _JOINTS = ("#4477aa", "#ee7733", "#228833", "#aa3377", "#33bbee", "#ccaa22", "#775599", "#667788")
+
+_SHADES = (("#000000", 0.0), ("#000000", 0.45), ("#ffffff", 0.45))
+"""What the joints' colours are mixed with, and by how much, each time that they run out."""
 
 INK = "#1c2733"
 MUTED = "#66727f"
@@ -41,8 +44,11 @@ def camera_colors(names: Sequence[str]) -> dict[str, str]:
 
 
 def joint_color(i: int) -> str:
-    """Return the colour of joint i; the eighth shares that of the first."""
-    return _JOINTS[i % len(_JOINTS)]
+    """Return the colour of joint i; after eight they come darker, then paler, then again."""
+    again, k = divmod(i, len(_JOINTS))
+    beside, share = _SHADES[again % len(_SHADES)]
+    mixed = (1.0 - share) * np.array(to_rgb(_JOINTS[k])) + share * np.array(to_rgb(beside))
+    return to_hex(mixed.tolist())
 
 
 def rgba(color: str, opacity: float = 1.0) -> Rgba:

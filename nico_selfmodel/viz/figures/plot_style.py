@@ -14,7 +14,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from nico_selfmodel.viz.figures import palette
-from nico_selfmodel.viz.figures.single_pass_layout import SinglePassLayout
+from nico_selfmodel.viz.figures.layout.single_pass_layout import SinglePassLayout
 
 FULL_WIDTH, HALF_WIDTH = 11.0, 4.9
 """Widths of figures on the page, where a point of type is then about a point [inch]."""

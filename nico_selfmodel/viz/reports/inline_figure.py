@@ -10,6 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 from nico_selfmodel.viz.figures import palette, plot_style
+from nico_selfmodel.viz.figures.layout.room_of_axes import bounds_in_points
+from nico_selfmodel.viz.figures.layout.single_pass_layout import SinglePassLayout
 
 _COLOURS = {
     palette.INK: "ink",
@@ -135,13 +137,14 @@ class _Column:
 
 
 def _columns(figure: Figure) -> list[_Column]:
-    scale = 72.0 / figure.dpi
+    layout = figure.get_layout_engine()
+    laid_out = isinstance(layout, SinglePassLayout)
+    bounds = layout.bounds if laid_out else bounds_in_points(figure)
     drawn = [(one.get_position().x0, index, one) for index, one in enumerate(figure.axes)]
     columns: list[_Column] = []
     inner = 0.0
     for begins, index, axes in sorted(drawn, key=lambda one: one[0]):
-        bounds = axes.get_tightbbox()
-        low, high = (0.0, 0.0) if bounds is None else (scale * bounds.x0, scale * bounds.x1)
+        low, high = bounds[axes].intervalx
         if columns and (axes.get_label() == "<colorbar>" or begins < inner):
             columns[-1].axes.append(index)
             columns[-1].low = min(columns[-1].low, low)

@@ -1,15 +1,19 @@
-"""Where the panels of a figure stand: each is measured once.
+"""Where the panels of a figure stand, as close as their labels allow.
 
-Matplotlib's constrained layout measures every panel twice, with all its ticks, which takes longer
-than drawing. The figures here are grids of equal panels, at most with a bar of colours on their
-right, a headline above and a legend below them.
+Matplotlib's constrained layout measures every panel with all its ticks many times over, which takes
+longer than drawing. The figures here are grids of equal panels, at most with a bar of colours on
+their right, a headline above and a legend below them.
 """
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import RendererBase
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import LayoutEngine
+from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
+
+from nico_selfmodel.viz.figures.layout.room_of_axes import bounds_in_points, bounds_of, measuring
 
 _PAD, _HEADLINE = 0.06, 0.32
 """Room around each panel with its labels, and for a line of headline [inch]."""
@@ -24,8 +28,18 @@ class SinglePassLayout(LayoutEngine):
     _adjust_compatible = False
     _colorbar_gridspec = False
 
+    def __init__(self) -> None:
+        """Begin with a figure that is not laid out yet."""
+        super().__init__()
+        self.bounds: dict[Axes, Bbox] = {}
+        """Of each panel and bar, with all that is written about it, once they are moved [pt]."""
+
     def execute(self, fig: Figure) -> None:
         """Move the panels of a figure."""
+        self._move(fig, measuring(fig))
+        self.bounds = bounds_in_points(fig)
+
+    def _move(self, fig: Figure, renderer: RendererBase) -> None:
         panels = [axes for axes in fig.axes if axes.get_subplotspec() is not None]
         bars = [axes for axes in fig.axes if axes.get_subplotspec() is None]
         if not panels:
@@ -36,13 +50,13 @@ class SinglePassLayout(LayoutEngine):
         around = np.zeros((2, max(rows, columns), 2))  # of columns and of rows, low and high
         spans = [_span(axes) for axes in panels]
         for axes, (first, last) in zip(panels, spans, strict=True):
-            room = _labels(axes)
+            room = _labels(axes, renderer)
             for axis in (0, 1):
                 low, high = around[axis, first[axis], 0], around[axis, last[axis], 1]
                 around[axis, first[axis], 0] = max(low, room[axis, 0] + _PAD)
                 around[axis, last[axis], 1] = max(high, room[axis, 1] + _PAD)
         below = sum(one.get_window_extent().height / fig.dpi + _PAD for one in fig.legends)
-        beside = sum(_BAR + 2.0 * _PAD + _labels(bar)[0, 1] for bar in bars)
+        beside = sum(_BAR + 2.0 * _PAD + _labels(bar, renderer)[0, 1] for bar in bars)
         width, height = fig.get_size_inches()
         above = _HEADLINE * (1 + fig.get_suptitle().count("\n")) if fig.get_suptitle() else 0.0
         x = _edges(around[0, :columns], 0.0, width - beside)
@@ -65,11 +79,9 @@ def _span(axes: Axes) -> tuple[tuple[int, int], tuple[int, int]]:
     return (columns.start, rows.start), (columns.stop - 1, rows.stop - 1)
 
 
-def _labels(axes: Axes) -> NDArray:
+def _labels(axes: Axes, renderer: RendererBase) -> NDArray:
     """Return the room that labels take left and right, above and below a panel [inch]. (2, 2)."""
-    whole, inner = axes.get_tightbbox(for_layout_only=True), axes.get_window_extent()
-    if whole is None:
-        return np.zeros((2, 2))
+    whole, inner = bounds_of(axes, renderer, for_layout=True), axes.get_window_extent()
     beside = (inner.x0 - whole.x0, whole.x1 - inner.x1)
     return np.maximum([beside, (inner.y0 - whole.y0, whole.y1 - inner.y1)], 0.0) / _dpi(axes)
 

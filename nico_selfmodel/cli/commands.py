@@ -1,0 +1,181 @@
+"""What commands there are; modules of those that words do not name are not loaded."""
+
+from collections.abc import Callable, Sequence
+
+Commands = dict[str, Callable[..., None]]
+"""Name -> what it does."""
+
+
+def _alone() -> Commands:
+    """Return the commands that are in no group."""
+    from nico_selfmodel.cli import (
+        choose_poses,
+        convert,
+        detect,
+        evaluate,
+        export_urdf,
+        gaze,
+        live,
+        locate,
+        look,
+        monitor,
+        pick_color,
+        predict,
+        rezero,
+        view,
+    )
+    from nico_selfmodel.cli.learn import learn
+    from nico_selfmodel.cli.record import record
+
+    return {
+        "learn": learn.learn,
+        "record": record.record,
+        "evaluate": evaluate.evaluate,
+        "monitor": monitor.monitor,
+        "rezero": rezero.rezero,
+        "predict": predict.predict,
+        "gaze": gaze.gaze,
+        "choose-poses": choose_poses.choose_poses,
+        "convert": convert.convert,
+        "export-urdf": export_urdf.export_urdf,
+        "locate": locate.locate,
+        "look": look.look,
+        "view": view.view,
+        "live": live.live,
+        "detect": detect.detect,
+        "pick-color": pick_color.pick_color,
+    }
+
+
+def _simulate() -> Commands:
+    from nico_selfmodel.cli import simulate
+
+    return {"motion-capture": simulate.motion_capture, "whole-body": simulate.whole_body}
+
+
+def _import() -> Commands:
+    from nico_selfmodel.cli import cameras_files, import_csv, import_lerobot, import_vicon
+
+    return {
+        "csv": import_csv.from_csv,
+        "vicon": import_vicon.from_vicon,
+        "lerobot": import_lerobot.from_lerobot,
+        "cameras": cameras_files.import_cameras,
+    }
+
+
+def _export() -> Commands:
+    from nico_selfmodel.cli import cameras_files
+
+    return {"cameras": cameras_files.export_cameras}
+
+
+def _calibrate() -> Commands:
+    from nico_selfmodel.cli.calibrate import (
+        body,
+        camera,
+        cameras,
+        hand_eye,
+        kinematics,
+        mirror,
+        stereo,
+        tool,
+    )
+
+    return {
+        "kinematics": kinematics.kinematics,
+        "cameras": cameras.cameras,
+        "stereo": stereo.stereo,
+        "camera": camera.camera,
+        "body": body.body,
+        "hand-eye": hand_eye.hand_eye,
+        "tool": tool.tool,
+        "mirror": mirror.mirror,
+    }
+
+
+def _experiment() -> Commands:
+    from nico_selfmodel.cli.experiment import (
+        mirror,
+        mirror_test,
+        motion_capture,
+        refinement,
+        stereo,
+        tool,
+        vision,
+    )
+
+    return {
+        "stereo": stereo.stereo,
+        "motion-capture": motion_capture.motion_capture,
+        "vision": vision.vision,
+        "refinement": refinement.refinement,
+        "tool": tool.tool,
+        "mirror": mirror.mirror,
+        "mirror-test": mirror_test.mirror_test,
+    }
+
+
+def _markers() -> Commands:
+    from nico_selfmodel.cli import markers
+
+    return {"sheet": markers.sheet, "board": markers.board}
+
+
+def _servo() -> Commands:
+    from nico_selfmodel.cli.servo import home, move, scan, serve, simulate, status, stop
+
+    return {
+        "scan": scan.scan,
+        "status": status.status,
+        "move": move.move,
+        "home": home.home,
+        "stop": stop.stop,
+        "serve": serve.serve,
+        "simulate": simulate.simulate,
+    }
+
+
+def _hand() -> Commands:
+    from nico_selfmodel.cli import hand
+
+    return {"open": hand.open_hand, "close": hand.close_hand}
+
+
+_GROUPS: dict[str, tuple[str, Callable[[], Commands]]] = {
+    "simulate": ("Record data of a simulated body.", _simulate),
+    "import": (
+        "Make a data set, a servo configuration or cameras of files made elsewhere.",
+        _import,
+    ),
+    "export": ("Write what was learned for other programs.", _export),
+    "calibrate": ("Learn a self-model from recorded data.", _calibrate),
+    "experiment": ("Run an experiment of the thesis.", _experiment),
+    "markers": ("Fiducial markers and boards to print.", _markers),
+    "servo": ("Drive the real servos.", _servo),
+    "hand": ("Open and close the hand.", _hand),
+}
+
+
+def commands_named(words: Sequence[str]) -> tuple[Commands, dict[str, tuple[str, Commands]]]:
+    """Return the commands, and the groups of them, that are asked for.
+
+    Args:
+        words: Of the command line.
+
+    Returns:
+        Commands, and group -> what it is for and its commands: what the first words name alone,
+        all that there is where they name nothing.
+    """
+    first, second = [*words, "", ""][:2]
+    if first in _GROUPS:
+        text, load = _GROUPS[first]
+        return {}, {first: (text, _only(second, load()))}
+    alone = _alone()
+    if first in alone:
+        return _only(first, alone), {}
+    return alone, {name: (text, load()) for name, (text, load) in _GROUPS.items()}
+
+
+def _only(name: str, commands: Commands) -> Commands:
+    return {name: commands[name]} if name in commands else commands

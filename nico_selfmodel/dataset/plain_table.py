@@ -1,0 +1,76 @@
+"""Tables of plain cells, column by column: a million rows take seconds.
+
+What may be more than plain is left to the careful way of `files.csv_rows`, which says what is
+wrong.
+"""
+
+import csv
+import math
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.files.csv_rows import MOST_CELLS, MOST_COLUMNS
+from nico_selfmodel.files.yaml_mapping import LARGEST
+
+_INTEGERS = re.compile(r"[+-]?[0-9]{1,18}(?:\n[+-]?[0-9]{1,18})*")
+"""Of fewer digits than the largest that a column of 64 bits holds."""
+
+
+def plain_columns(text: str) -> Sequence[Sequence[str]] | None:
+    """Read text in which each line is a row of as many plain cells, at once.
+
+    Args:
+        text: The text.
+
+    Returns:
+        Cells of each column; None where a line may be something else, or the table too large.
+    """
+    if not text.endswith("\n") or any(mark in text for mark in "\"'\r\0"):
+        return None
+    content = np.frombuffer(text.encode(), np.uint8)
+    ends = np.flatnonzero(content == ord("\n"))
+    widths = np.diff(np.searchsorted(np.flatnonzero(content == ord(",")), ends), prepend=0) + 1
+    width = int(widths[0])
+    if (widths != width).any() or not 1 < width <= MOST_COLUMNS or widths.sum() > MOST_CELLS:
+        return None
+    if np.diff(ends, prepend=-1).max() > csv.field_size_limit():
+        return None
+    cells = text[:-1].replace("\n", ",").split(",")
+    return [cells[column::width] for column in range(width)]
+
+
+def plain_numbers(cells: Sequence[str]) -> NDArray | None:
+    """Return the numbers of a column at once, nan for an empty cell.
+
+    Args:
+        cells: Their texts.
+
+    Returns:
+        Shape (N,), what `parse_number` makes of each; None where one of them needs a second look.
+    """
+    try:
+        values = np.array([float(cell) if cell else math.nan for cell in cells])
+    except ValueError:
+        return None
+    if any(cells[row] for row in np.flatnonzero(~(np.abs(values) <= LARGEST)).tolist()):
+        return None
+    return None if "_" in "".join(cells) else values
+
+
+def plain_integers(cells: Sequence[str]) -> NDArray | None:
+    """Return the whole numbers of a column at once; None where one of them needs a second look.
+
+    Args:
+        cells: Their texts.
+
+    Returns:
+        Shape (N,).
+    """
+    text = "\n".join(cells)
+    if not _INTEGERS.fullmatch(text):
+        return None
+    values = np.array(text.split("\n"), dtype=np.int64)
+    return values if len(values) == len(cells) else None

@@ -1,0 +1,128 @@
+"""How far what is written about a panel reaches, and where the labels of its axes stand.
+
+Matplotlib's `get_tightbbox` works out the ticks of an axis a dozen times for that, which takes
+longer than drawing. Here each axis does so once, and its label is fixed where Matplotlib would put
+it: `labelpad` beyond ticks and tick labels.
+"""
+
+import io
+from collections.abc import Iterator
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.backend_bases import RendererBase
+from matplotlib.backends.backend_svg import RendererSVG
+from matplotlib.figure import Figure
+from matplotlib.spines import Spine
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
+
+
+def measuring(figure: Figure) -> RendererBase:
+    """Return what measures the text of a figure, at its present size of a dot."""
+    canvas: Any = figure.canvas
+    if hasattr(canvas, "get_renderer"):
+        return canvas.get_renderer()
+    # Asked for a renderer, a figure begins a picture anew each time.
+    return RendererSVG(figure.bbox.width, figure.bbox.height, io.StringIO())
+
+
+def bounds_in_points(figure: Figure) -> dict[Axes, Bbox]:
+    """Return the bounds of each panel of a figure, as it stands, with all about it [pt]."""
+    renderer, scale = measuring(figure), 72.0 / figure.dpi
+    return {axes: Bbox(scale * bounds_of(axes, renderer).get_points()) for axes in figure.axes}
+
+
+def bounds_of(axes: Axes, renderer: RendererBase, *, for_layout: bool = False) -> Bbox:
+    """Return the bounds of a panel with all that is written about it [dots].
+
+    Labels of its axes are fixed beside where the panel is now.
+
+    Args:
+        axes: The panel.
+        renderer: What measures text.
+        for_layout: Leave out lengths of labels and titles, which no more room would mend.
+    """
+    if axes.name != "rectilinear" or not axes.axison:
+        found = axes.get_tightbbox(renderer, for_layout_only=for_layout)
+        return axes.get_window_extent() if found is None else found
+    place = axes.get_axes_locator()
+    axes.apply_aspect(None if place is None else place(axes, renderer))
+    inner = axes.get_window_extent()
+    boxes = [inner]
+    for k, axis in enumerate((axes.xaxis, axes.yaxis)):
+        if axis.get_visible():
+            boxes += _beside(axis, k, inner, renderer, for_layout=for_layout)
+    for artist in axes.get_default_bbox_extra_artists():
+        if isinstance(artist, Axes):
+            boxes.append(bounds_of(artist, renderer))
+        elif not isinstance(artist, Spine):  # whose ticks were counted with the axis
+            boxes += _some(artist.get_tightbbox(renderer))
+    for text in axes.get_children():
+        if isinstance(text, Text) and text not in axes.texts and text.get_text():
+            box = text.get_window_extent(renderer)
+            boxes.append(_without_length(box, 0) if for_layout else box)
+    return Bbox.union(boxes)
+
+
+def _beside(
+    axis: Axis, across: int, inner: Bbox, renderer: RendererBase, *, for_layout: bool
+) -> Iterator[Bbox]:
+    """Yield bounds of ticks and labels of an axis, and fix its label.
+
+    Args:
+        axis: It.
+        across: 0 for x, 1 for y.
+        inner: The panel without them.
+        renderer: What measures text.
+        for_layout: Leave out the length of the label.
+    """
+    low = axis.get_label_position() in ("bottom", "left")
+    out = 1 - across  # the direction in which labels stand off the panel
+    reach = inner.frozen().get_points()
+    figure = axis.get_figure(root=True)
+    assert figure is not None
+    point = figure.dpi / 72.0
+    pad = point * axis.get_tick_padding()
+    reach[0 if low else 1, out] += -pad if low else pad
+    ticks = Bbox(reach)
+    written = [text.get_window_extent(renderer) for text in _tick_labels(axis, across)]
+    yield from (ticks, *written)
+    label = axis.label
+    if not (label.get_visible() and label.get_text()):
+        return
+    off = point * axis.labelpad
+    ends = Bbox.union([ticks, *written]).get_points()
+    stands = ends[0, out] - off if low else ends[1, out] + off
+    place = list(label.get_position())
+    place[out] = (stands - inner.get_points()[0, out]) / (inner.height if out else inner.width)
+    axis.set_label_coords(*place)
+    box = label.get_window_extent(renderer)
+    yield _without_length(box, across) if for_layout else box
+
+
+def _tick_labels(axis: Axis, across: int) -> list[Text]:
+    """Return the labels of an axis that are drawn: those of ticks within what it shows."""
+    low, high = sorted(map(float, axis.get_view_interval()))
+    slack = 1e-9 * (high - low)
+    labels = [*axis.get_majorticklabels(), *(tick.label1 for tick in axis.minorTicks)]
+    return [
+        text
+        for text in labels
+        if text.get_visible()
+        and text.get_text()
+        and low - slack <= text.get_position()[across] <= high + slack
+    ]
+
+
+def _without_length(box: Bbox, along: int) -> Bbox:
+    points = box.get_points().copy()
+    middle = points[:, along].mean()
+    points[:, along] = middle - 0.5, middle + 0.5
+    return Bbox(points)
+
+
+def _some(box: Bbox | None) -> list[Bbox]:
+    """Return a box where there is one."""
+    return [box] if box is not None and box.width + box.height > 0.0 else []

@@ -1,0 +1,62 @@
+"""Something else given in place of what a command takes is told for what it is, in one line."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.model.tree.body_model import BodyModel, save_body
+from nico_selfmodel.vision.boards.board_detection import size_in
+
+from ..estimation.simulated_trees import one_arm
+from .one_line import assert_one_clear_line
+
+
+@pytest.fixture(scope="module")
+def body(tmp_path_factory):
+    """Return a result folder with a body that has neither camera nor covariance."""
+    folder = tmp_path_factory.mktemp("body") / "arm"
+    folder.mkdir()
+    save_body(BodyModel("arm", one_arm(2).tree, np.ones(5)), folder / "body.yaml")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [(None, "it is empty"), ("result.json", "it is a result"), ("a.PNG", "it holds pictures")],
+)
+@pytest.mark.parametrize("kind", ["kinematics", "body"])
+def test_a_folder_that_is_no_data_set_is_told_for_what_it_is(tmp_path, command, kind, name, words):
+    folder = tmp_path / "given"
+    folder.mkdir()
+    if name is not None:
+        (folder / name).write_text("{}")
+    done = command("calibrate", kind, folder, "--out", tmp_path / "out")
+    assert_one_clear_line(done, "given is no data set", words, "dataset.yaml is missing")
+
+
+def test_a_whole_body_given_as_an_arm_is_told_for_what_it_is(tmp_path, command, body):
+    done = command("export-urdf", body, "--out", tmp_path / "arm.urdf")
+    assert_one_clear_line(done, "is a body of any tree (arm/body.yaml)", "self_model.yaml")
+
+
+def test_a_board_of_too_many_corners_is_not_called_wrongly_written():
+    assert size_in("999x6", "9x6") == (999, 6)
+    with pytest.raises(ValueError, match="at most 999 corners along a side, got '99999x6'"):
+        size_in("99999x6", "9x6")
+
+
+def test_samples_that_are_there_twice_are_named():
+    data = one_arm(2, poses=6).data
+    with pytest.raises(DataError, match=r"more than once there is 3$"):
+        replace(data, sample=np.array([0, 1, 2, 3, 3, 5]))
+
+
+def test_what_a_body_lacks_for_choosing_poses_is_named(tmp_path, command, body):
+    from nico_selfmodel.dataset.body.body_folder import save_body_dataset
+
+    save_body_dataset(one_arm(2).data, tmp_path / "data")
+    words = ("choose-poses", body, tmp_path / "data", "--count", 3, "--out", tmp_path / "o.csv")
+    done = command(*words)
+    assert_one_clear_line(done, "body 'arm' has no covariance: learn it")

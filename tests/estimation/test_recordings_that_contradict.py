@@ -1,0 +1,68 @@
+"""What a recording of a body contradicts is named, and never passes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.dataset.body.sensors import CAMERA
+from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+
+from .simulated_trees import one_arm, two_arms
+from .test_one_problem import KNOWN, flange_dataset, hand_eye_poses
+
+
+def verdict(data):
+    train, test = data.split(0.25, 0)
+    return judge(calibrate_tree(train, test=test, effects=()))
+
+
+def seen_with(data, lens):
+    """The same recording whose first camera is said to have another lens."""
+    first = next(i for i, s in enumerate(data.sensors) if s.kind == CAMERA)
+    sensors = list(data.sensors)
+    sensors[first] = replace(sensors[first], lens=lens)
+    return replace(data, sensors=tuple(sensors))
+
+
+@pytest.mark.slow
+def test_a_lens_that_is_not_the_camera_s_fails_and_is_named():
+    data = two_arms(3, poses=40, distances=KNOWN).data
+    assert verdict(data).status == "PASS"
+    lens = dict(next(s for s in data.sensors if s.kind == CAMERA).lens)
+    wrong = verdict(seen_with(data, {**lens, "fx": 1.05 * lens["fx"], "fy": 1.05 * lens["fy"]}))
+    assert wrong.status == "FAIL"
+    assert "lenses contradict what was seen" in wrong.reasons[0]
+    name = next(s.name for s in data.sensors if s.kind == CAMERA)
+    assert f"--free {name}.f" in wrong.reasons[0]
+
+
+def test_a_target_of_another_size_fails_by_its_factor():
+    _, _, F, M = hand_eye_poses(np.random.default_rng(4), 40)
+    right = flange_dataset(F, M)
+    assert verdict(right).status == "PASS"
+    larger = right.observations.values * [1.05, 1.05, 1.05, 1.0, 1.0, 1.0]
+    wrong = verdict(replace(right, observations=replace(right.observations, values=larger)))
+    assert wrong.status == "FAIL"
+    assert "times as long as all else says" in wrong.reasons[0]
+    assert 1.03 < float(wrong.reasons[0].split(" measured is ")[1].split()[0]) < 1.07
+
+
+def test_a_joint_that_is_read_wrongly_in_most_poses_fails_by_name():
+    sim = one_arm(5, joints=4, markers=3, poses=60, sigma={"points": 3e-4})
+    readings = sim.data.readings.copy()
+    late = np.arange(len(readings)) % 2 == 0
+    readings[late, 2] += np.radians(np.where(np.arange(late.sum()) % 4 < 2, 3.0, -5.0))
+    wrong = verdict(replace(sim.data, readings=readings))
+    assert wrong.status == "FAIL"
+    joint = sim.data.joints[2].name
+    assert any(f"{joint!r}" in text or joint in text for text in wrong.reasons)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [6, 7, 8])
+def test_right_recordings_are_not_contradicted(seed):
+    found = verdict(two_arms(seed, poses=40, distances=KNOWN).data)
+    assert found.status == "PASS"
+    assert not any("contradict" in text for text in found.warnings)
