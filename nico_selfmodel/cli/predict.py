@@ -37,8 +37,8 @@ def predict(
     """Predict where the hand is: x, y, z [m], sigma of the model and with noise [mm].
 
     Places are in the frame that the output names: of an arm that of its tracker or left camera, of
-    a whole body its world, which with --robot is the description's root, not the tracker. A sigma
-    is that of one coordinate, rms of the three.
+    a whole body where it begins, which with --robot is the description's root, not the tracker. A
+    sigma is that of one coordinate, rms of the three.
     """
     from nico_selfmodel.model.readings import warn_beyond
     from nico_selfmodel.model.self_model_file import load_model
@@ -60,12 +60,12 @@ def predict(
     sigma, total = prediction.sigma, prediction.total_sigma
     rows = [
         {
-            "frame": frame,
             "x_m": float(p[0]),
             "y_m": float(p[1]),
             "z_m": float(p[2]),
             "sigma_mm": None if sigma is None else 1e3 * float(sigma[k]),
             "sigma_with_noise_mm": None if total is None else 1e3 * float(total[k]),
+            "frame": frame,
         }
         for k, p in enumerate(prediction.p_WH)
     ]
@@ -136,8 +136,8 @@ def _predict_body(
             }
             sigma = {"sigma_mm": 1e3 * float(found.sigma[k, m])}
             rows.append(
-                {"pose": k, "marker": tree.markers[m].name, "frame": frame}
-                | {**place, **turn, **sigma, **seen}
+                {"pose": k, "marker": tree.markers[m].name}
+                | {**place, **turn, **sigma, **seen, "frame": frame}
             )
     if as_json:
         printer.as_json({"markers": rows})

@@ -52,7 +52,9 @@ def record(
     glass: Annotated[
         str | None,
         typer.Option(
-            "--glass", metavar="WIDTH,HEIGHT", help="Size of the mirrors [mm]; 400,300 if left out."
+            "--glass-size",
+            metavar="WIDTH,HEIGHT",
+            help="Size of the mirrors [mm]; 400,300 if left out.",
         ),
     ] = None,
     board_views: Annotated[

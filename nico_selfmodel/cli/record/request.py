@@ -80,7 +80,7 @@ class Request:
         """
         if not self.mirrors:
             if self.glass is not None:
-                raise ValueError("--glass is the size of a mirror: give --mirror too")
+                raise ValueError("--glass-size is the size of a mirror: give --mirror too")
             return
         if real:
             raise ValueError("--mirror is for the simulated robot: a real one needs a real mirror")

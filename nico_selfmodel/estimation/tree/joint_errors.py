@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.pose_noise import FREE_SIGMA, PoseWhitening
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
-from nico_selfmodel.model.tree.body_tree import WHOLE_POSES
+from nico_selfmodel.model.tree.body_tree import WHOLE_POSES, BodyTree
 
 _LARGEST = 0.2
 """Standard deviation of a joint [rad or m] from which on it is no noise: where little tells of a
@@ -52,3 +52,23 @@ def joint_errors(
     visit = observations.data.visit
     at = np.minimum(np.searchsorted(numbers, visit), len(numbers) - 1)
     return np.asarray(by_visit[np.where(numbers[at] == visit, at, len(numbers))])
+
+
+def erring_readings(
+    observations: TreeObservations, tree: BodyTree, errors: NDArray | None
+) -> NDArray:
+    """Return readings, off by the joints' errors: q = reading / gear + e. Shape (P, n).
+
+    Args:
+        observations: What was measured.
+        tree: The body.
+        errors: By `TreeObservations.noisy_joints` [rad or m]; none if None. Shape (P, m).
+    """
+    readings = observations.data.si_readings
+    if errors is None:
+        return readings
+    off = np.zeros_like(readings)
+    for m, (i, _) in enumerate(observations.noisy_joints):
+        if tree.motions[i] not in WHOLE_POSES:
+            off[:, i] = tree.gear[i] * errors[:, m]
+    return readings + off

@@ -17,14 +17,10 @@ from nico_selfmodel.estimation.diagnosis.flatness import Flatness
 from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend
 from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boards
 from nico_selfmodel.estimation.tree.boards.surroundings import Surroundings
-from nico_selfmodel.estimation.tree.contradictions import HeldScore, held_scores
+from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, held_scores
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.guesses.first_guess import first_bodies
 from nico_selfmodel.estimation.tree.mirrors.mirrored_tree import (
-    anywhere,
-    apart_from,
-    names_of_mirrors,
-    place_mirrors,
     seen_directly,
 )
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, cross_validated, errors_of
@@ -36,9 +32,9 @@ from nico_selfmodel.estimation.tree.tree_setup import (
     TreeSetup,
     Wishes,
     blank_body,
-    setup_of,
 )
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
+from nico_selfmodel.estimation.tree.tree_start import TreeStart
 from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import WORLD, BodyTree
@@ -167,7 +163,7 @@ def calibrate_tree(
     blank = blank_body(data, {**by_boards, **(lenses or {})})
     wishes = wishes.freeing(inside)
     around = Surroundings.of_boards(observations, blank.lenses)
-    best: _Start | None = None
+    best: TreeStart | None = None
     costs: list[float] = []
     guessed: Iterable[tuple[str, BodyTree]] = [("boards", around.alone(blank))]
     if direct is not None:
@@ -175,7 +171,7 @@ def calibrate_tree(
         guessed = first_bodies(direct, blank, seen, description, around.cameras, seed)
     for label, tree in guessed:
         tree = around.about(tree)
-        start = _Start.from_body(label, tree, data, observations, description, wishes)
+        start = TreeStart.from_body(label, tree, data, observations, description, wishes)
         costs.append(start.cost)
         if best is None or start.cost < best.cost:
             best = start
@@ -220,7 +216,7 @@ def refit_tree(
     if unknown := sorted(set(free) - set(parameters.names)):
         raise ValueError(f"no parameter {unknown[0]!r} in this body")
     setup = TreeSetup(frozenset(free), {}, {}, world, world)
-    first = _Start(start, parameters, setup, parameters.values_of(begin or tree), 0.0)
+    first = TreeStart(start, parameters, setup, parameters.values_of(begin or tree), 0.0)
 
     def as_it_was(problem: TreeProblem, solution: TreeSolution) -> Ladder:
         return Ladder((), TreeBend(problem, solution))
@@ -247,81 +243,8 @@ def _agreeing(costs: list[float], observations: TreeObservations) -> int:
     return int(np.sum(np.array(costs) - min(costs) < _AGREE * observations.scalars))
 
 
-@dataclass(frozen=True, eq=False)
-class _Start:
-    """A first body, adjusted roughly."""
-
-    label: str
-    parameters: TreeParameters
-    setup: TreeSetup
-    values: NDArray
-    cost: float
-
-    @classmethod
-    def from_body(
-        cls,
-        label: str,
-        tree: BodyTree,
-        data: BodyDataset,
-        observations: TreeObservations,
-        description: Description | None,
-        wishes: Wishes,
-    ) -> "_Start":
-        """Adjust a first body, bearings before pixels where it comes from a description."""
-        unplaced = apart_from(tree, data.mirrors)
-        tree = tree.with_mirrors(anywhere(unplaced))
-        base = tree if description is None else _base_of(description, tree)
-        parameters = TreeParameters(base)
-        setup = setup_of(data, parameters, description, wishes)
-        seen, planes = observations, names_of_mirrors(unplaced)
-        if planes:
-            placed = ~np.isin(data.observations.mirror, unplaced)
-            observations = TreeObservations.of(data, placed)
-        free = setup.free - planes
-        tree = tree.scaled(_length_factor(setup, parameters, tree))
-        values = parameters.values_of(tree)
-        for name, value in setup.fixed.items():
-            values[parameters.index[name]] = value
-        if description is not None and tree.lenses:
-            rays = TreeResiduals(observations.as_bearings(tree.lenses), parameters)
-            inside = parameters.of_lenses
-            for held in (inside | parameters.of_joint_frames, inside):
-                values = TreeProblem(rays, free - held, setup.priors).rough(values)[0]
-        problem = TreeProblem(TreeResiduals(observations, parameters), free, setup.priors)
-        values, cost = problem.rough(values)
-        if planes:
-            parameters, values = place_mirrors(
-                seen, parameters, values, setup.free, setup.fixed, unplaced
-            )
-            problem = TreeProblem(TreeResiduals(seen, parameters), setup.free, setup.priors)
-            values, cost = problem.rough(values)
-        if description is None:
-            # Told from where they are now, joint frames keep their names to first order: what is
-            # refined, its covariance and its folds then speak of the same parameters.
-            tree = parameters.tree_of(values)
-            parameters = TreeParameters(tree)
-            values = parameters.values_of(tree)
-        return cls(label, parameters, setup, values, cost)
-
-
-def _base_of(description: Description, tree: BodyTree) -> BodyTree:
-    """Return the described joints with the tree's markers and sensors, to tell changes from."""
-    return replace(tree, X_PJ=description.tree.X_PJ)
-
-
-def _length_factor(setup: TreeSetup, parameters: TreeParameters, tree: BodyTree) -> float:
-    """Return what makes a first body as large as the one length says that the user knows."""
-    if setup.scale_from not in parameters.index:
-        return 1.0
-    mean, _ = setup.priors.get(setup.scale_from, (0.0, 0.0))
-    known = setup.fixed.get(setup.scale_from, mean)
-    now = float(parameters.values_of(tree)[parameters.index[setup.scale_from]])
-    # Of the other sign it is another first body's length.
-    return known / now if known * now > 0.0 else 1.0
-
-
 def _finished(
-    start: _Start,
+    start: TreeStart,
     data: BodyDataset,
     test: BodyDataset | None,
     description: Description | None,

@@ -283,5 +283,5 @@ def plate_of_words(words: str | None) -> MirrorPlate:
         return MirrorPlate(width=width, height=height)
     except ValueError as error:
         raise ValueError(
-            f"--glass {words}: expected width and height of a mirror [mm], as in 1400,1400"
+            f"--glass-size {words}: expected width and height of a mirror [mm], as in 1400,1400"
         ) from error

@@ -33,6 +33,7 @@ from nico_selfmodel.estimation.tree.forward.sensor_models import (
     shown_poses,
 )
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
+from nico_selfmodel.estimation.tree.joint_errors import erring_readings
 from nico_selfmodel.estimation.tree.tree_observations import BEARING, SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import BodyParameters
 from nico_selfmodel.geometry.reflection import reflect, reflection, reflection_slopes
@@ -62,9 +63,8 @@ class TreeResiduals:
             parameters: Of the body.
             poses: Where the search for poses that nobody reads begins; by single views if omitted.
                 Shape (P, n, 4, 4).
-            joint_errors: How far joints are taken to be from their readings where `linear` is: by
-                sample, of `TreeObservations.noisy_joints` [rad or m], zero of whole poses; none
-                if omitted. Shape (P, m).
+            joint_errors: How far joints are taken to be from their readings where `linear` is, see
+                `estimation.tree.joint_errors`; none if omitted. Shape (P, m).
         """
         self._poses = poses
         self.observations, self.parameters = observations, parameters
@@ -87,8 +87,8 @@ class TreeResiduals:
 
     def erring(self, joint_errors: NDArray | None) -> Self:
         """Return the same, linear about other errors of joints. Shape (P, m)."""
-        poses = self._first_poses if self.observations.data.free_joints else None
-        return type(self)(self.observations, self.parameters, poses, joint_errors)
+        known = self._first_poses if self.observations.data.free_joints else None
+        return type(self)(self.observations, self.parameters, known, joint_errors)
 
     def motion(self, tree: BodyTree, start: NDArray | None = None) -> TreeMotion:
         """Return where everything is at the samples; what moves freely where it fits best."""
@@ -112,18 +112,8 @@ class TreeResiduals:
 
     def _moved(self, tree: BodyTree, flanges: NDArray) -> TreeMotion:
         data = self.observations.data
-        return TreeMotion.at(tree, self._readings(tree), flanges, data.si_approach)
-
-    def _readings(self, tree: BodyTree) -> NDArray:
-        """Return readings, off by the joints' errors: q = reading / gear + e. Shape (P, n)."""
-        readings = self.observations.data.si_readings
-        if self.joint_errors is None:
-            return readings
-        off = np.zeros_like(readings)
-        for m, (i, _) in enumerate(self.observations.noisy_joints):
-            if tree.motions[i] not in WHOLE_POSES:
-                off[:, i] = tree.gear[i] * self.joint_errors[:, m]
-        return readings + off
+        readings = erring_readings(self.observations, tree, self.joint_errors)
+        return TreeMotion.at(tree, readings, flanges, data.si_approach)
 
     @cached_property
     def _first_poses(self) -> NDArray:
@@ -169,8 +159,7 @@ class TreeResiduals:
     def linear(self, values: NDArray, start: NDArray | None = None) -> TreeLinear:
         """Return residuals and derivatives. Shape (P,) -> (R,), (P, R), (R, m).
 
-        About errors e of the joints residuals are those of r(e) that is linear there, at readings
-        that do not err: r(e) - A e.
+        About errors e of the joints residuals are those of readings that do not err: r(e) - A e.
 
         Args:
             values: Of all parameters.
@@ -183,17 +172,12 @@ class TreeResiduals:
         parts = [self._linear(tree, motion, slopes, run) for run in self._runs]
         r = np.concatenate([p.r for p in parts])
         by_joint = np.concatenate([p.by_joint for p in parts])
-        pulled = None
-        if self.joint_errors is not None:
-            pulled = np.sum(by_joint * self.joint_errors[self.observations.sample], axis=1)
-            r = r - pulled
-        return TreeLinear(
-            r,
-            self.parameters.by_name(values, np.concatenate([p.J for p in parts], axis=1)),
-            by_joint,
-            pulled=pulled,
-            poses=poses,
-        )
+        J = self.parameters.by_name(values, np.concatenate([p.J for p in parts], axis=1))
+        linear = TreeLinear(r, J, by_joint, poses=poses)
+        if self.joint_errors is None:
+            return linear
+        pulled = np.sum(by_joint * self.joint_errors[self.observations.sample], axis=1)
+        return replace(linear, r=r - pulled, pulled=pulled)
 
     def _frame(
         self, motion: TreeMotion, frames: NDArray, item: NDArray, pose: NDArray

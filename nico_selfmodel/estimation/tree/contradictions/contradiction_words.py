@@ -3,7 +3,7 @@
 import numpy as np
 
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE, Finding
-from nico_selfmodel.estimation.tree.contradictions import (
+from nico_selfmodel.estimation.tree.contradictions.held_scores import (
     LENS_PARTS,
     HeldScore,
     is_notable,

@@ -1,0 +1,1 @@
+"""What in a recording contradicts what it is said to be."""
