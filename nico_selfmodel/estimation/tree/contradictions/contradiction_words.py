@@ -6,10 +6,9 @@ from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE,
 from nico_selfmodel.estimation.tree.contradictions.held_scores import (
     LENS_PARTS,
     HeldScore,
-    is_notable,
-    read_wrongly,
-    seen_wrongly,
+    severity_of,
 )
+from nico_selfmodel.estimation.tree.contradictions.wrong_readings import read_wrongly, seen_wrongly
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.model.cameras.camera import Camera
@@ -76,7 +75,7 @@ def _of_sensors(calibration: TreeCalibration, *, lengths: bool) -> list[Finding]
     lenses: dict[str, list[str]] = {}
     found = []
     for name, score in calibration.held.items():
-        severity = is_notable(score, scalars[name])
+        severity = severity_of(score, scalars[name])
         lens = calibration.tree.lenses.get(name)
         if not severity or not _is_worth(score, lens):
             continue

@@ -1,8 +1,9 @@
-"""What in a recording contradicts what it is said to be: lenses, lengths, readings, labels.
+"""Whether a recording contradicts lenses and lengths that it is told.
 
 Score tests (Rao 1948): with U the whitened derivatives by what was free, Z those by what was held,
 Z is taken off U, and where what was held is right the fall of the squares z'Z (Z'Z)^-1 Z'z is chi
-square of the number of columns. Nothing is solved again.
+square of the number of columns. Nothing is solved again. Those of arms are in
+`estimation.diagnosis.score_test`.
 """
 
 from dataclasses import dataclass
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, WARNING
-from nico_selfmodel.estimation.results.verdict import outliers_are_many
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
@@ -40,43 +40,6 @@ class HeldScore:
     """Where they would go, from where they are held. Shape (e,)."""
     sigma: NDArray
     """Standard deviations of that. Shape (e,)."""
-
-
-def read_wrongly(
-    linear: TreeLinear, seen: TreeObservations, solution: TreeSolution
-) -> dict[str, tuple[int, int]]:
-    """Return joints that were read wrongly in more poses than a few, of those that show them.
-
-    Args:
-        linear: Residuals at the solution.
-        seen: What was seen.
-        solution: Where the adjustment ended.
-
-    Returns:
-        Joint -> in how many poses, of how many.
-    """
-    found = {}
-    for j, (i, _) in enumerate(seen.noisy_joints):
-        visits = np.unique(seen.visit[linear.by_joint[:, j] != 0.0])
-        slipped = solution.slipped[visits[visits < len(solution.slipped)], j]
-        if not seen.unread[j] and slipped.sum() > 1 and outliers_are_many(slipped) is not None:
-            found.setdefault(seen.data.joints[i].name, (int(slipped.sum()), len(slipped)))
-    return found
-
-
-def seen_wrongly(seen: TreeObservations, solution: TreeSolution) -> dict[str, tuple[int, int]]:
-    """Return links of which more than a few observations are outliers: how many, of how many.
-
-    Args:
-        seen: What was seen.
-        solution: Where the adjustment ended.
-    """
-    found = {}
-    for i, joint in enumerate(seen.data.joints):
-        own = solution.outliers[seen.data.seen_on == i]
-        if own.sum() > 1 and outliers_are_many(own) is not None:
-            found[joint.name] = (int(own.sum()), len(own))
-    return found
 
 
 def held_scores(problem: TreeProblem, solution: TreeSolution) -> dict[str, HeldScore]:
@@ -164,7 +127,7 @@ def _score(Z: NDArray, z: NDArray, variance: float) -> HeldScore:
     return HeldScore(gain, values / size, np.sqrt(variance * np.diag(inner)) / size)
 
 
-def is_notable(score: HeldScore, scalars: int) -> str:
+def severity_of(score: HeldScore, scalars: int) -> str:
     """Return how much a score says against what is held: `CAUSE`, `WARNING` or nothing.
 
     Args:

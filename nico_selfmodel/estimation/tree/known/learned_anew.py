@@ -9,7 +9,7 @@ from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.estimation.results.unobservable_words import name_unobservable
 from nico_selfmodel.estimation.results.verdict import outliers_are_many
-from nico_selfmodel.estimation.tree.contradictions.held_scores import read_wrongly, seen_wrongly
+from nico_selfmodel.estimation.tree.contradictions.wrong_readings import read_wrongly, seen_wrongly
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.known.known_with_errors import (
     NewParameters,

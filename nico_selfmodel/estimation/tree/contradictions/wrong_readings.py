@@ -1,0 +1,45 @@
+"""Joints and links of which so much is set aside that it is no accident."""
+
+import numpy as np
+
+from nico_selfmodel.estimation.results.verdict import outliers_are_many
+from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
+
+
+def read_wrongly(
+    linear: TreeLinear, seen: TreeObservations, solution: TreeSolution
+) -> dict[str, tuple[int, int]]:
+    """Return joints that were read wrongly in more poses than a few, of those that show them.
+
+    Args:
+        linear: Residuals at the solution.
+        seen: What was seen.
+        solution: Where the adjustment ended.
+
+    Returns:
+        Joint -> in how many poses, of how many.
+    """
+    found = {}
+    for j, (i, _) in enumerate(seen.noisy_joints):
+        visits = np.unique(seen.visit[linear.by_joint[:, j] != 0.0])
+        slipped = solution.slipped[visits[visits < len(solution.slipped)], j]
+        if not seen.unread[j] and slipped.sum() > 1 and outliers_are_many(slipped) is not None:
+            found.setdefault(seen.data.joints[i].name, (int(slipped.sum()), len(slipped)))
+    return found
+
+
+def seen_wrongly(seen: TreeObservations, solution: TreeSolution) -> dict[str, tuple[int, int]]:
+    """Return links of which more than a few observations are outliers: how many, of how many.
+
+    Args:
+        seen: What was seen.
+        solution: Where the adjustment ended.
+    """
+    found = {}
+    for i, joint in enumerate(seen.data.joints):
+        own = solution.outliers[seen.data.seen_on == i]
+        if own.sum() > 1 and outliers_are_many(own) is not None:
+            found[joint.name] = (int(own.sum()), len(own))
+    return found
