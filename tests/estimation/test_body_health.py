@@ -64,6 +64,14 @@ def camera_turned(tree):
 
 
 @pytest.mark.slow
+def test_innovations_of_a_body_that_is_as_it_was_are_as_large_as_it_says(model, monkeypatch):
+    reports = [check_body_health(model, day(monkeypatch, session)) for session in range(11, 15)]
+    assert {report.noise.poses for report in reports} == {model.expected["px"]["n"]}
+    square = sum(r.nis.sum() for r in reports) / sum(r.dof.sum() for r in reports)
+    assert 0.85 < square < 1.15
+
+
+@pytest.mark.slow
 def test_a_body_that_is_as_it_was_raises_no_alarm(model, monkeypatch):
     for session in range(2, 6):
         assert check_body_health(model, day(monkeypatch, session)).healthy

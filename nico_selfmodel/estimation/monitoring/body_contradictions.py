@@ -8,27 +8,18 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import DISTANCE
 from nico_selfmodel.estimation.monitoring.body_health import (
-    TAIL_SHARE,
-    WIDER,
     false_share,
     shown_covariance,
     stacked,
+    with_tail,
 )
-from nico_selfmodel.estimation.noise.contradictions import (
-    LEAST_SHARE,
-    Contradictions,
-    contradictions,
-)
+from nico_selfmodel.estimation.noise.contradictions import Contradictions, contradictions
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_errors import told_as
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
-from nico_selfmodel.model.noise_mixture import NoiseMixture
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import FLANGE
-
-_ABOUT = 100
-"""Poses that a noise is said to rest on where a body does not tell."""
 
 
 def body_contradictions(model: BodyModel, data: BodyDataset) -> Contradictions | None:
@@ -66,7 +57,7 @@ def body_contradictions(model: BodyModel, data: BodyDataset) -> Contradictions |
         by_joint=linear.by_joint * scale[:, None] * _joint_sigmas(model, seen),
     )
     poses = stacked(white, told.observations.pose[seen.row], parameters.names, data.sample)
-    one = NoiseMixture(1.0, 1.0, WIDER, WIDER, TAIL_SHARE, LEAST_SHARE, _ABOUT)
+    one = with_tail(model, 1.0, 1.0)
     counts = np.unique(told.observations.pose[np.unique(seen.row)], return_counts=True)[1]
     return contradictions(poses, one, shown_covariance(model, poses), false_share(counts))
 

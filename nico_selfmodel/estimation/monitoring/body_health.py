@@ -29,7 +29,7 @@ share of the poses."""
 _DIRECTIONS = 30
 """Of what a body is uncertain by, that count."""
 _ABOUT = 100
-"""Poses that a noise is said to rest on where a body does not tell."""
+"""Poses that a noise is taken to rest on where a body does not tell."""
 
 
 def check_body_health(model: BodyModel, data: BodyDataset) -> HealthReport:
@@ -108,8 +108,18 @@ def expected_body_noise(model: BodyModel, data: BodyDataset) -> NoiseMixture:
         )
     sensor = float(np.sqrt(np.mean(np.square(known[0]))))
     joint = float(np.sqrt(np.mean(np.square(known[1])))) if known[1] else 0.0
-    wider = (WIDER * sensor, WIDER * joint)
-    return NoiseMixture(sensor, joint, *wider, TAIL_SHARE, LEAST_SHARE, _ABOUT)
+    return with_tail(model, sensor, joint)
+
+
+def with_tail(model: BodyModel, sensor: float, joint: float) -> NoiseMixture:
+    """Return what a body's learned noise is taken for: a core, and a tail that nobody measured.
+
+    What was learned is the second moment of both, s^2 = (1 - e) s0^2 + e (w s0)^2.
+    """
+    core = 1.0 / np.sqrt(1.0 + TAIL_SHARE * (WIDER**2 - 1.0))
+    sigmas = core * np.array([sensor, joint])
+    poses = max((int(entry.get("n", 0)) for entry in model.expected.values()), default=0)
+    return NoiseMixture(*sigmas, *(WIDER * sigmas), TAIL_SHARE, LEAST_SHARE, poses or _ABOUT)
 
 
 def body_poses(model: BodyModel, data: BodyDataset) -> PoseResiduals:
