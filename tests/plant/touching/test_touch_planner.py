@@ -164,6 +164,41 @@ def test_a_known_posture_is_where_the_way_is_looked_for_first(planner, monkeypat
         planner.at_place("head", *FRONT, np.random.default_rng(9), near=[0.0, 1.0])
 
 
+@pytest.mark.parametrize(("asked", "tried"), [(0, 8), (1, 32)])
+def test_only_where_no_start_came_to_the_place_are_few_enough(planner, monkeypatch, asked, tried):
+    """What a solver leaves of a way that it does not find may be anywhere, and tells nothing."""
+    starts = []
+
+    def from_(self, start, place):
+        starts.append(start)
+        return touch_planner._Lacking(asked, 0.5, "a way")
+
+    monkeypatch.setattr(TouchPlanner, "_from", from_)
+    assert planned(planner) == OutOfReach("a way")
+    assert len(starts) == tried
+
+
+def test_starts_bring_the_finger_near_to_the_place_and_hardly_lean_too_far(planner, monkeypatch):
+    starts = []
+
+    def from_(self, start, place):
+        starts.append(start)
+        return touch_planner._Lacking(1, 0.0, "a way")
+
+    monkeypatch.setattr(TouchPlanner, "_from", from_)
+    planned(planner)
+    p_WM, n_W = on_the_head(planner, FRONT)
+    away, lean = [], []
+    for q in starts[1:]:
+        planner.posed.pose(q)
+        p_WE, pointing = planner.posed.finger_end()
+        away.append(np.linalg.norm(p_WE - p_WM))
+        lean.append(np.arccos(pointing @ -n_W))
+    assert max(away) < 0.2
+    assert max(lean) < LEAN + 1.5
+    assert np.median(lean) < LEAN
+
+
 def test_places_move_with_a_body_that_stands_elsewhere(nico, planner):
     arm, model, held = nico
     X_WB = np.eye(4)
