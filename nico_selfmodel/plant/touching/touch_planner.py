@@ -134,8 +134,9 @@ class TouchPlanner:
             held: Joint -> angle where one that nobody commands stands elsewhere [rad].
             X_WB: Where the body stands, of where the learned arm has it; places move by it, what
                 must not be touched stays. Shape (4, 4).
-            limits: Of the readings, lower and upper [encoder units]; with them the description's
-                are kept too. Shape (2, n).
+            limits: Of the readings, lower and upper [encoder units], which count in place of the
+                description's: these are angles, and where a learned joint has its zero is free
+                where the shape of the links makes up for it. Shape (2, n).
 
         Raises:
             ModelError: If the model has other joints, the link is no finger of that arm, or the
@@ -147,8 +148,7 @@ class TouchPlanner:
         reach = np.stack([arm.lower, arm.upper])
         if limits is not None:
             stops = frozen_array(limits, reach.shape, "limits")
-            stops = np.sort(model.servos.to_joint(stops), axis=0)
-            reach = np.stack([np.maximum(reach[0], stops[0]), np.minimum(reach[1], stops[1])])
+            reach = np.sort(model.servos.to_joint(stops), axis=0)
         if not np.isfinite(reach).all():
             raise ModelError(
                 "touching takes an arm whose joints have limits: give them in its URDF"
