@@ -102,6 +102,17 @@ def test_the_joints_stay_within_their_limits_and_the_stops_that_are_told(nico, p
     assert isinstance(planned(narrow), OutOfReach)
 
 
+def test_stops_that_are_told_count_where_the_description_has_narrower_limits(nico):
+    """Angles of a learned joint are about its own zero, and the description's about another."""
+    arm, model, held = nico
+    wider = np.stack([arm.lower - 0.15, arm.upper + 0.15])
+    stops = np.sort(model.servos.to_encoder(wider), axis=0)
+    planner = TouchPlanner(arm, model, FINGER, held=held, limits=stops)
+    np.testing.assert_allclose(planner.reach, wider, atol=1e-9)
+    without = TouchPlanner(arm, model, FINGER, held=held)
+    np.testing.assert_array_equal(without.reach, [arm.lower, arm.upper])
+
+
 def test_the_back_of_the_head_is_out_of_reach_and_the_reason_is_said(planner):
     found = planned(planner, BACK)
     assert isinstance(found, OutOfReach)
