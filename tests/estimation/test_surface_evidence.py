@@ -114,6 +114,20 @@ def test_what_one_picture_shows_however_bright_is_not_on_the_surface():
         )
 
 
+@pytest.mark.parametrize("two", [(0, 2), (1, 3), (0, 3), (1, 2)])
+def test_what_two_pictures_show_and_the_others_do_not_is_not_on_the_surface(two):
+    """A spot on the glass lies before nearly the same places for one camera in two mirrors."""
+    strengths = [500.0 if k in two else 0.0 for k in range(4)]
+    assert not any(a.any() for a in together(views(strengths, np.random.default_rng(2))))
+
+
+def test_what_two_of_three_pictures_show_is_found_if_the_third_does_too():
+    rng = np.random.default_rng(2)
+    assert not any(a.any() for a in together(views([500.0, None, 500.0, 0.0], rng)))
+    found = together(views([500.0, None, 500.0, 30.0], rng))
+    assert all(found[k].any() for k in (0, 2, 3))
+
+
 def test_what_only_one_look_shows_is_not_found_where_the_other_judges():
     rng = np.random.default_rng(3)
     assert not any(above.any() for above in together(views([60.0, 60.0, -2.0, -2.0], rng)))

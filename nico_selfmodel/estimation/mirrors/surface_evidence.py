@@ -47,11 +47,12 @@ def surprising_together(
 
         sum c_i - max c_i > T(n, 3 (m - 1)),    n P(chi^2_(3 (m - 1)) > T) = the false alarms
 
-    and if the pictures of each look together differ as one place in a thousand does. No picture
-    counts alone: what one camera sees on the glass lies before other places of the surface for
-    another. The sum without its largest part is at most that of any m - 1 parts, so that T is
-    exceeded at most as often as is said if pictures err independently. Such a place surprises in
-    every picture that shows it, however little it does in that one alone.
+    and if, of three or more, also those without the two largest together differ as one place in a
+    thousand does. No picture counts alone, nor do two: what one camera sees on the glass lies
+    before other places of the surface for another, but in two mirrors before nearly the same ones
+    for the same camera. The sum without its largest part is at most that of any m - 1 parts, so
+    that T is exceeded at most as often as is said if pictures err independently. Such a place
+    surprises in every picture that shows it, however little it does in that one alone.
 
     Args:
         views: All pictures of the body in mirrors.
@@ -87,13 +88,21 @@ def _together(
     least = np.array(
         [np.inf, np.inf, *(threshold_of(count, 3 * (m - 1)) for m in range(2, 1 + len(views)))]
     )
-    found = filled.sum(axis=0) - filled.max(axis=0) > least[number]
-    looks = np.array([other.look for other in views])
-    for look in set(looks.tolist()):
-        own = looks == look
-        needed = np.array([0.0, *(as_rare_as(GATE_3, 3, 3 * k) for k in range(1, 1 + own.sum()))])
-        found &= filled[own].sum(axis=0) >= needed[judged[own].sum(axis=0)]
+    rest = filled.sum(axis=0) - filled.max(axis=0)
+    found = (rest > least[number]) & _without_two(filled, number)
     return [(v[found & own], u[found & own]) for own, (_, v, u) in zip(judged, shown, strict=True)]
+
+
+def _without_two(filled: NDArray, number: NDArray) -> NDArray:
+    """Return which places still differ as one in a thousand does without their two largest parts.
+
+    Args:
+        filled: Chi-square in each picture, 0 where it does not judge. Shape (m, N).
+        number: Pictures that judge a place; it passes where there are fewer than three. Shape (N,).
+    """
+    rest = np.sort(filled, axis=0)[:-2].sum(axis=0)
+    least = [0.0] * 3 + [as_rare_as(GATE_3, 3, 3 * (m - 2)) for m in range(3, 1 + len(filled))]
+    return rest >= np.array(least)[number]
 
 
 def _on_links(view: SurfaceView, rows: NDArray, columns: NDArray) -> tuple[NDArray, NDArray]:

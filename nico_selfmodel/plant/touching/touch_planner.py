@@ -32,6 +32,10 @@ _JUMP = 0.5
 """A joint that turns farther than this from one of these places to the next is on no way [rad]."""
 _STARTS, _SURE = 32, 8
 """Postures to start from, and how many of them must end far away to be sure of it."""
+_DRAWN = 1000
+"""Postures drawn at random, of which those are started from that come nearest."""
+_TURN = 0.1
+"""What a radian that the finger leans too far counts as, where these are chosen [m]."""
 _FAR = 0.02
 """What ends farther away than this is far away [m]."""
 _LOADED_ROUNDS = 4
@@ -106,9 +110,9 @@ class TouchPlanner:
         distance(arm but for the finger, body) >= 5 mm,
 
     and of these, for the last, the q nearest to the middle of the joints' ranges, and then those
-    nearest to the posture before. So it touches at p whatever it leans. Several starts, the middle
-    and random ones, are tried, and the first whole way counts. How the arm comes to where the way
-    begins is not planned.
+    nearest to the posture before. So it touches at p whatever it leans. Several starts are tried,
+    the middle and, of postures drawn at random, those that bring the finger nearest to place and
+    direction; the first whole way counts. How the arm comes to where the way begins is not planned.
     """
 
     def __init__(
@@ -130,8 +134,9 @@ class TouchPlanner:
             held: Joint -> angle where one that nobody commands stands elsewhere [rad].
             X_WB: Where the body stands, of where the learned arm has it; places move by it, what
                 must not be touched stays. Shape (4, 4).
-            limits: Of the readings, lower and upper [encoder units]; with them the description's
-                are kept too. Shape (2, n).
+            limits: Of the readings, lower and upper [encoder units], which count in place of the
+                description's: these are angles, and where a learned joint has its zero is free
+                where the shape of the links makes up for it. Shape (2, n).
 
         Raises:
             ModelError: If the model has other joints, the link is no finger of that arm, or the
@@ -143,8 +148,7 @@ class TouchPlanner:
         reach = np.stack([arm.lower, arm.upper])
         if limits is not None:
             stops = frozen_array(limits, reach.shape, "limits")
-            stops = np.sort(model.servos.to_joint(stops), axis=0)
-            reach = np.stack([np.maximum(reach[0], stops[0]), np.minimum(reach[1], stops[1])])
+            reach = np.sort(model.servos.to_joint(stops), axis=0)
         if not np.isfinite(reach).all():
             raise ModelError(
                 "touching takes an arm whose joints have limits: give them in its URDF"
@@ -205,17 +209,33 @@ class TouchPlanner:
     ) -> Touch | OutOfReach:
         """Try starts until one leads all the way; else say what the best of them lacked."""
         middle = self._reach.mean(axis=0)
-        starts = [*first, middle, *rng.uniform(*self._reach, (_STARTS - 1, len(middle)))]
+        starts = [*first, middle, *self._nearest(place, rng)]
         best: _Lacking | None = None
         for tried, start in enumerate(starts):
             found = self._from(start, place)
             if isinstance(found, Touch):
                 return found
             best = found if best is None else max(best, found, key=lambda one: one.rank)
-            if tried + 1 >= _SURE and best.off > _FAR:
+            if tried + 1 >= _SURE and best.asked == 0 and best.off > _FAR:
                 break
         assert best is not None, "there are starts"
         return OutOfReach(best.what)
+
+    def _nearest(self, place: _Place, rng: np.random.Generator) -> NDArray:
+        """Return random postures that bring the finger nearest to where it should be.
+
+        Of few postures drawn at random hardly one leads to a place that only few postures touch.
+
+        Returns:
+            Angles [rad], the nearest first. Shape (k, n).
+        """
+        drawn = rng.uniform(*self._reach, (_DRAWN, self._reach.shape[1]))
+        far = np.empty(_DRAWN)
+        for k, q in enumerate(drawn):
+            self._posed.pose(q)
+            lean = _angle(self._posed.finger_end()[1], -place.n_W)
+            far[k] = self._off(place, 0.0) + _TURN * max(lean - LEAN, 0.0)
+        return drawn[np.argsort(far)[: _STARTS - 1]]
 
     def _from(self, start: NDArray, place: _Place) -> "Touch | _Lacking":
         """Return the way from a start, or how far it came and what was lacking.

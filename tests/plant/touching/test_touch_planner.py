@@ -102,6 +102,17 @@ def test_the_joints_stay_within_their_limits_and_the_stops_that_are_told(nico, p
     assert isinstance(planned(narrow), OutOfReach)
 
 
+def test_stops_that_are_told_count_where_the_description_has_narrower_limits(nico):
+    """Angles of a learned joint are about its own zero, and the description's about another."""
+    arm, model, held = nico
+    wider = np.stack([arm.lower - 0.15, arm.upper + 0.15])
+    stops = np.sort(model.servos.to_encoder(wider), axis=0)
+    planner = TouchPlanner(arm, model, FINGER, held=held, limits=stops)
+    np.testing.assert_allclose(planner.reach, wider, atol=1e-9)
+    without = TouchPlanner(arm, model, FINGER, held=held)
+    np.testing.assert_array_equal(without.reach, [arm.lower, arm.upper])
+
+
 def test_the_back_of_the_head_is_out_of_reach_and_the_reason_is_said(planner):
     found = planned(planner, BACK)
     assert isinstance(found, OutOfReach)
@@ -162,6 +173,41 @@ def test_a_known_posture_is_where_the_way_is_looked_for_first(planner, monkeypat
     np.testing.assert_allclose(again.p_WT[-1], known.p_WT[-1], atol=2e-4)
     with pytest.raises(ValueError, match="near must have shape"):
         planner.at_place("head", *FRONT, np.random.default_rng(9), near=[0.0, 1.0])
+
+
+@pytest.mark.parametrize(("asked", "tried"), [(0, 8), (1, 32)])
+def test_only_where_no_start_came_to_the_place_are_few_enough(planner, monkeypatch, asked, tried):
+    """What a solver leaves of a way that it does not find may be anywhere, and tells nothing."""
+    starts = []
+
+    def from_(self, start, place):
+        starts.append(start)
+        return touch_planner._Lacking(asked, 0.5, "a way")
+
+    monkeypatch.setattr(TouchPlanner, "_from", from_)
+    assert planned(planner) == OutOfReach("a way")
+    assert len(starts) == tried
+
+
+def test_starts_bring_the_finger_near_to_the_place_and_hardly_lean_too_far(planner, monkeypatch):
+    starts = []
+
+    def from_(self, start, place):
+        starts.append(start)
+        return touch_planner._Lacking(1, 0.0, "a way")
+
+    monkeypatch.setattr(TouchPlanner, "_from", from_)
+    planned(planner)
+    p_WM, n_W = on_the_head(planner, FRONT)
+    away, lean = [], []
+    for q in starts[1:]:
+        planner.posed.pose(q)
+        p_WE, pointing = planner.posed.finger_end()
+        away.append(np.linalg.norm(p_WE - p_WM))
+        lean.append(np.arccos(pointing @ -n_W))
+    assert max(away) < 0.2
+    assert max(lean) < LEAN + 1.5
+    assert np.median(lean) < LEAN
 
 
 def test_places_move_with_a_body_that_stands_elsewhere(nico, planner):
