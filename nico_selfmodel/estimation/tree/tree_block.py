@@ -71,6 +71,11 @@ class TreeBlock(SummedBlock):
         if linear.pulled is not None and self._pulled is not None:
             # Frozen like the weights: what is left then has the derivatives J.
             r = r + linear.pulled - self._pulled
-        linear = replace(linear, r=r, J=linear.J[problem.columns])
-        linear = self._apart.eliminated(linear, problem.scale)
-        return np.concatenate([linear.r[None], linear.J]) / problem.scale
+        both = np.empty((1 + len(problem.columns), len(r)))
+        both[0], J = r, both[1:]
+        np.take(linear.J, problem.columns, axis=0, out=J)
+        left = self._apart.eliminated(replace(linear, r=both[0], J=J), problem.scale)
+        if left.J is not J:
+            both[0], both[1:] = left.r, left.J
+        both /= problem.scale
+        return both

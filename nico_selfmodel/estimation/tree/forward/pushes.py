@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.tree.forward.rows_last import at_samples, consecutive, dot_first
-from nico_selfmodel.estimation.tree.forward.sensor_models import Shown
+from nico_selfmodel.estimation.tree.forward.sensor_run import AttachedEnds, Sight
 from nico_selfmodel.geometry.rotation import skew
 from nico_selfmodel.model.arm.bending_slopes import Bent, bending_slopes
 from nico_selfmodel.model.arm.line_kinematics import cross
@@ -28,6 +28,8 @@ class Push:
     """Markers. Shape (N, 3)."""
     pose: NDArray
     """Samples. Shape (N,)."""
+    samples: NDArray | slice
+    """The same, as a slice where they follow each other."""
 
     @cached_property
     def shift_first(self) -> NDArray:
@@ -35,10 +37,11 @@ class Push:
         return np.ascontiguousarray(self.shift.transpose(2, 1, 0))
 
     @classmethod
-    def of_shown(cls, shown: Shown, R_SW: NDArray, p_WM: NDArray, pose: NDArray) -> "Push":
-        """Return it of what sensors show, R_SW their orientations."""
+    def of_sight(cls, sight: Sight, seen: AttachedEnds) -> "Push":
+        """Return it of what sensors show of what is seen."""
+        shown, R_SW = sight.shown, sight.R_SW
         turn = None if shown.by_turn is None else shown.by_turn @ R_SW
-        return cls(shown.by_point @ R_SW, turn, p_WM, pose)
+        return cls(shown.by_point @ R_SW, turn, sight.p_WM, seen.pose, seen.samples)
 
     def of(self, rows: NDArray, origins: NDArray) -> tuple[NDArray, NDArray]:
         """Return derivatives by turns about frames' origins (3, S), and by shifts. (M, k, 3)."""
@@ -82,22 +85,37 @@ def by_frames(
     joints = consecutive(np.flatnonzero(which))
     sign = signs.T[joints][:, None]
     along = push.shift_first[:, None] * sign
-    lever = push.p_WM.T[:, None] - at_samples(motion.p_WJ[joints].swapaxes(0, 1), push.pose)
+    lever = push.p_WM.T[:, None] - at_samples(motion.p_WJ[joints].swapaxes(0, 1), push.samples)
     about = cross(lever[:, :, None], along)
     if push.turn is not None:
         about = about + push.turn.transpose(2, 1, 0)[:, None] * sign
-    R = at_samples(motion.R_WP[joints].transpose(2, 1, 0, 3), push.pose)
+    R = at_samples(motion.R_WP[joints].transpose(1, 2, 0, 3), push.samples)[:, :, :, None]
     columns = J[: 6 * len(which)].reshape(len(which), 6, *J.shape[1:])
     slopes, frames = bases[0], bases[1][joints, :3, :3]
     for part, by, base in ((slice(0, 3), about, slopes[joints]), (slice(3, 6), along, frames)):
-        axes = dot_first(R[:, :, None], base.transpose(1, 2, 0)[:, None, :, :, None])
-        columns[joints, part] += dot_first(by[:, None], axes[:, :, :, None]).transpose(1, 0, 3, 2)
-    z = at_samples(motion.R_WJ[joints, :, 2].swapaxes(0, 1), push.pose)[:, :, None]
+        columns[joints, part] += _turned_back(by, R, base)
+    z = at_samples(motion.R_WJ[joints, :, 2].swapaxes(0, 1), push.samples)[:, :, None]
     motions = np.array(motion.tree.motions)[joints]
     for kind, by in ((REVOLUTE, about), (PRISMATIC, along)):
         if (own := motions == kind).any():
-            moved = dot_first(by, z) * own[:, None, None]
+            moved = dot_first(by, z) if own.all() else dot_first(by, z) * own[:, None, None]
             by_q[joints] += moved.swapaxes(1, 2)
+
+
+def _turned_back(by: NDArray, R: NDArray, base: NDArray) -> NDArray:
+    """Return (R base)' by: derivatives in W by what is told in bases of joints.
+
+    Args:
+        by: Shape (3, joints, k, N).
+        R: Orientations of what carries each joint. Shape (3, 3, joints, 1, N).
+        base: Shape (joints, 3, 3).
+
+    Returns:
+        Shape (joints, 3, N, k).
+    """
+    on_link = dot_first(by[:, None], R).transpose(1, 0, 2, 3)
+    told = base.swapaxes(1, 2) @ on_link.reshape(*on_link.shape[:2], -1)
+    return told.reshape(on_link.shape).swapaxes(2, 3)
 
 
 def by_bearing(i: int, motion: TreeMotion, push: "Push", moved: NDArray) -> NDArray:

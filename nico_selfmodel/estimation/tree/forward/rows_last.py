@@ -11,9 +11,8 @@ def consecutive(index: NDArray) -> NDArray | slice:
     return index
 
 
-def at_samples(values: NDArray, pose: NDArray) -> NDArray:
-    """Return values of samples by row, the last axis of both. Shape (..., P) -> (..., N)."""
-    rows = consecutive(pose)
+def at_samples(values: NDArray, rows: NDArray | slice) -> NDArray:
+    """Return values of samples, `consecutive` ones by slice. Shape (..., P) -> (..., N)."""
     return values[..., rows] if isinstance(rows, slice) else np.take(values, rows, axis=-1)
 
 
