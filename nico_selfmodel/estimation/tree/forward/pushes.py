@@ -82,6 +82,8 @@ def by_frames(
         by_q: By displacements. Shape (n, N, k).
         which: Joints that have frames. Boolean, shape (n,).
     """
+    if not which.any():
+        return
     joints = consecutive(np.flatnonzero(which))
     sign = signs.T[joints][:, None]
     along = push.shift_first[:, None] * sign
