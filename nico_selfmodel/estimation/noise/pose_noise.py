@@ -89,6 +89,8 @@ class PoseGroups:
         _, same, visits = np.unique(self.place, return_inverse=True, return_counts=True)
         self.weight = 1.0 / visits[same]
         """What each visit counts. Shape (visits,)."""
+        self.alike = bool((self.weight == 1.0).all())
+        """Whether each visit is a pose of its own."""
         order = np.argsort(of, kind="stable")
         counts = np.bincount(of)
         place = np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -152,7 +154,7 @@ class PoseWhitening:
             joint_sigma = np.where(slipped, FREE_SIGMA, joint_sigma)[:, None]
         self.B = self.lever * (joint_sigma / noise.sensor_sigma)
         self._across = np.swapaxes(self.B, 1, 2)
-        self._narrow = self.B.shape[1] < self.B.shape[2]
+        self._narrow = self.B.shape[1] <= self.B.shape[2]
         one, other = (self.B, self._across) if self._narrow else (self._across, self.B)
         self._square = one @ other + np.eye(one.shape[1])
         """I + BB' where that is the smaller one, else G. Shape (poses, K, K) or (poses, n, n)."""

@@ -56,8 +56,9 @@ class TreeBlock(SummedBlock):
         if self._whitening is not None:
             groups = self._whitening.groups
             white = self._whitening.root(groups.gather(rows[:, None]))
-            weighed = np.sqrt(groups.weight)[:, None, None] * white
-            rows = weighed.reshape(-1, rows.shape[1])
+            if not groups.alike:
+                white = np.sqrt(groups.weight)[:, None, None] * white
+            rows = white.reshape(-1, rows.shape[1])
         sums = rows.T @ rows
         return 0.5 * float(sums[0, 0]), sums[1:, 0], sums[1:, 1:]
 

@@ -238,6 +238,13 @@ class TreeResiduals:
         alike = groupby(observations.sensors, lambda rows: (rows.kind, rows.mirror))
         return tuple(self.run_of(*run) for _, run in alike)
 
+    @cached_property
+    def _read_alone(self) -> tuple[NDArray, NDArray]:
+        """Which of `noisy_joints` are no part of a whole pose, and their joints."""
+        motions, noisy = self.parameters.base.motions, self.observations.noisy_joints
+        own = [m for m, (i, _) in enumerate(noisy) if motions[i] not in WHOLE_POSES]
+        return np.array(own, dtype=int), np.array([noisy[m][0] for m in own], dtype=int)
+
     def _linear(
         self, tree: BodyTree, motion: TreeMotion, slopes: NDArray, run: SensorRun
     ) -> TreeLinear:
@@ -257,12 +264,11 @@ class TreeResiduals:
             self._by_joints(motion, slopes, one, signs, J, by_q, by_joint, across)
         gears = self._layout.gears.start
         read = np.tensordot(tree.coupling.T, by_q, 1)
-        angles = self.observations.data.si_readings[pose] / tree.gear
-        for m, (i, _) in enumerate(self.observations.noisy_joints):
-            if tree.motions[i] not in WHOLE_POSES:
-                by_joint[:, :, m] = read[i]
-                # q = reading / gear
-                J[gears + i] = -read[i] * (angles[:, i] / tree.gear[i])[:, None]
+        own, joints = self._read_alone
+        by_joint[:, :, own] = read[joints].transpose(1, 2, 0)
+        # q = reading / gear
+        slope = self.observations.data.si_readings[:, joints] / tree.gear[joints] ** 2
+        J[gears + joints] = -read[joints] * slope[pose].T[:, :, None]
         if motion.load is not None:
             J[self._layout.bends] = by_bends(motion, read, across, pose)
         self._by_attached(J, motion, slopes, push, run.seen, None)
