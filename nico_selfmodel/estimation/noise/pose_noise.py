@@ -100,6 +100,10 @@ class PoseGroups:
         self._slot[order] = place
         self.poses, self._most = len(counts), int(counts.max(initial=0))
         self.count = len(visit)
+        self._full: NDArray | None = None
+        """Rows by visit, where all have as many of them. Shape (visits, most)."""
+        if (counts == self._most).all():
+            self._full = self.rows[order].reshape(self.poses, self._most)
         self._alone = self._most == 1 and bool((of == np.arange(len(of))).all())
 
     def of(self, rows: NDArray) -> NDArray:
@@ -116,6 +120,9 @@ class PoseGroups:
         """Return values of rows by pose. Shape (N, k, ...) -> (poses, K, ...), zero where none."""
         if self._alone:
             return values[self.rows]
+        if self._full is not None:
+            grouped = values[self._full]
+            return grouped.reshape(self.poses, self._most * self.k, *values.shape[2:])
         out = np.zeros((self.poses, self._most, *values.shape[1:]))
         out[self.pose, self._slot] = values[self.rows]
         return out.reshape(self.poses, self._most * self.k, *values.shape[2:])

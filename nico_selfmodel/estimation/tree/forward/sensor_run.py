@@ -27,6 +27,8 @@ class AttachedEnds:
     """Samples. Shape (N,)."""
     moved: NDArray
     """Whether each joint moves it, 0 or 1. Shape (N, n)."""
+    k: int
+    """How many scalars a row has."""
 
     @cached_property
     def samples(self) -> NDArray | slice:
@@ -34,10 +36,16 @@ class AttachedEnds:
         return consecutive(self.pose)
 
     @cached_property
+    def scalar_samples(self) -> NDArray | slice:
+        """Samples of all scalars. Shape (N k,)."""
+        return consecutive(np.repeat(self.pose, self.k))
+
+    @cached_property
     def by_item(self) -> tuple[tuple[int, NDArray | slice, NDArray | slice], ...]:
-        """Each frame that is among them, its rows, and their samples."""
-        rows = [(int(item), np.flatnonzero(self.item == item)) for item in np.unique(self.item)]
-        return tuple((i, consecutive(own), consecutive(self.pose[own])) for i, own in rows)
+        """Each frame that is among them, its scalars, and their samples."""
+        item, pose = np.repeat(self.item, self.k), np.repeat(self.pose, self.k)
+        found = [(int(one), np.flatnonzero(item == one)) for one in np.unique(item)]
+        return tuple((one, consecutive(own), consecutive(pose[own])) for one, own in found)
 
     def places(self, motion: TreeMotion, frames: NDArray) -> NDArray:
         """Return where they are in W. Frames on links, (m, 4, 4) -> (N, 3)."""

@@ -187,10 +187,10 @@ class TreeResiduals:
         """Return rows of sensors that are alike as what is linearised at once."""
         pose = np.concatenate([rows.pose for rows in parts])
         items = zip(*(self._items(rows) for rows in parts), strict=True)
-        ends = []
+        ends, k = [], parts[0].measured.shape[1]
         for item in map(np.concatenate, items):
             on = self._on[item]
-            ends.append(AttachedEnds(item, on, pose, self._beyond[on].astype(float)))
+            ends.append(AttachedEnds(item, on, pose, self._beyond[on].astype(float), k))
         return SensorRun(parts, *ends)
 
     def _items(self, rows: SensorRows) -> tuple[NDArray, NDArray]:
@@ -373,19 +373,19 @@ class TreeResiduals:
     ) -> None:
         """Add what markers (`origin` None) or what sees them move on their links."""
         sign = 1.0 if origin is None else -1.0
+        rows = J.reshape(len(J), -1)
         for item, own, samples in ends.by_item:
             frame = self._layout.frame_of[item]
             if frame < 0:
                 continue
             R = at_samples(motion.R_WL[self._on[item]], samples)
-            columns = J[6 * frame : 6 * frame + 6]
-            shift = sign * push.shift_first[:, :, own]
-            columns[3:, own] += dot_first(shift[:, None], R[:, :, None]).swapaxes(1, 2)
-            about = None if push.turn is None else sign * push.turn[own].transpose(2, 1, 0)
+            columns = rows[6 * frame : 6 * frame + 6]
+            shift = sign * push.shift_first[:, own]
+            columns[3:, own] += dot_first(shift[:, None], R)
+            about = None if push.turn_first is None else sign * push.turn_first[:, own]
             if origin is not None:
-                across = cross((push.p_WM[own] - origin[own]).T[:, None], shift)
+                lever = push.p_first[:, own] - np.repeat(origin.T, ends.k, axis=1)[:, own]
+                across = cross(lever, shift)
                 about = across if about is None else across + about
             if about is not None:
-                on_link = dot_first(about[:, None], R[:, :, None])
-                told = np.tensordot(slopes[frame], on_link, (0, 0))
-                columns[:3, own] += told.swapaxes(1, 2)
+                columns[:3, own] += slopes[frame].T @ dot_first(about[:, None], R)
