@@ -18,4 +18,8 @@ def at_samples(values: NDArray, rows: NDArray | slice) -> NDArray:
 
 def dot_first(vectors: NDArray, axes: NDArray) -> NDArray:
     """Return the sum over the first axis of products of two arrays, their components along it."""
-    return np.asarray(vectors[0] * axes[0] + vectors[1] * axes[1] + vectors[2] * axes[2])
+    total = np.asarray(vectors[0] * axes[0])
+    product = vectors[1] * axes[1]
+    total += product
+    total += np.multiply(vectors[2], axes[2], out=product)
+    return total
