@@ -372,7 +372,12 @@ class TreeResiduals:
         origin: NDArray | None,
     ) -> None:
         """Add what markers (`origin` None) or what sees them move on their links."""
-        sign = 1.0 if origin is None else -1.0
+        shift, about = push.shift_first, push.turn_first
+        if origin is not None:
+            shift, about = -shift, None if about is None else -about
+            lever = push.p_first - np.repeat(origin.T, ends.k, axis=1)
+            across = cross(lever, shift)
+            about = across if about is None else across + about
         rows = J.reshape(len(J), -1)
         for item, own, samples in ends.by_item:
             frame = self._layout.frame_of[item]
@@ -380,12 +385,6 @@ class TreeResiduals:
                 continue
             R = at_samples(motion.R_WL[self._on[item]], samples)
             columns = rows[6 * frame : 6 * frame + 6]
-            shift = sign * push.shift_first[:, own]
-            columns[3:, own] += dot_first(shift[:, None], R)
-            about = None if push.turn_first is None else sign * push.turn_first[:, own]
-            if origin is not None:
-                lever = push.p_first[:, own] - np.repeat(origin.T, ends.k, axis=1)[:, own]
-                across = cross(lever, shift)
-                about = across if about is None else across + about
+            columns[3:, own] += dot_first(shift[:, None, own], R)
             if about is not None:
-                columns[:3, own] += slopes[frame].T @ dot_first(about[:, None], R)
+                columns[:3, own] += slopes[frame].T @ dot_first(about[:, None, own], R)
