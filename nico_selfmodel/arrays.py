@@ -55,7 +55,8 @@ def frozen_array(value: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray
         raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
     if not np.isfinite(array).all():
         raise ValueError(f"{name} must be finite")
-    return read_only(array)
+    array.flags.writeable = False
+    return array
 
 
 def frozen_covariance(value: ArrayLike, count: int, name: str) -> NDArray:

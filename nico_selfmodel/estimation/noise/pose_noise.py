@@ -89,6 +89,8 @@ class PoseGroups:
         _, same, visits = np.unique(self.place, return_inverse=True, return_counts=True)
         self.weight = 1.0 / visits[same]
         """What each visit counts. Shape (visits,)."""
+        self.alike = bool((self.weight == 1.0).all())
+        """Whether each visit is a pose of its own."""
         order = np.argsort(of, kind="stable")
         counts = np.bincount(of)
         place = np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -98,6 +100,10 @@ class PoseGroups:
         self._slot[order] = place
         self.poses, self._most = len(counts), int(counts.max(initial=0))
         self.count = len(visit)
+        self._full: NDArray | None = None
+        """Rows by visit, where all have as many of them. Shape (visits, most)."""
+        if (counts == self._most).all():
+            self._full = self.rows[order].reshape(self.poses, self._most)
         self._alone = self._most == 1 and bool((of == np.arange(len(of))).all())
 
     def of(self, rows: NDArray) -> NDArray:
@@ -114,6 +120,9 @@ class PoseGroups:
         """Return values of rows by pose. Shape (N, k, ...) -> (poses, K, ...), zero where none."""
         if self._alone:
             return values[self.rows]
+        if self._full is not None:
+            grouped = values[self._full]
+            return grouped.reshape(self.poses, self._most * self.k, *values.shape[2:])
         out = np.zeros((self.poses, self._most, *values.shape[1:]))
         out[self.pose, self._slot] = values[self.rows]
         return out.reshape(self.poses, self._most * self.k, *values.shape[2:])
@@ -152,7 +161,7 @@ class PoseWhitening:
             joint_sigma = np.where(slipped, FREE_SIGMA, joint_sigma)[:, None]
         self.B = self.lever * (joint_sigma / noise.sensor_sigma)
         self._across = np.swapaxes(self.B, 1, 2)
-        self._narrow = self.B.shape[1] < self.B.shape[2]
+        self._narrow = self.B.shape[1] <= self.B.shape[2]
         one, other = (self.B, self._across) if self._narrow else (self._across, self.B)
         self._square = one @ other + np.eye(one.shape[1])
         """I + BB' where that is the smaller one, else G. Shape (poses, K, K) or (poses, n, n)."""

@@ -56,8 +56,9 @@ class TreeBlock(SummedBlock):
         if self._whitening is not None:
             groups = self._whitening.groups
             white = self._whitening.root(groups.gather(rows[:, None]))
-            weighed = np.sqrt(groups.weight)[:, None, None] * white
-            rows = weighed.reshape(-1, rows.shape[1])
+            if not groups.alike:
+                white = np.sqrt(groups.weight)[:, None, None] * white
+            rows = white.reshape(-1, rows.shape[1])
         sums = rows.T @ rows
         return 0.5 * float(sums[0, 0]), sums[1:, 0], sums[1:, 1:]
 
@@ -71,6 +72,11 @@ class TreeBlock(SummedBlock):
         if linear.pulled is not None and self._pulled is not None:
             # Frozen like the weights: what is left then has the derivatives J.
             r = r + linear.pulled - self._pulled
-        linear = replace(linear, r=r, J=linear.J[problem.columns])
-        linear = self._apart.eliminated(linear, problem.scale)
-        return np.concatenate([linear.r[None], linear.J]) / problem.scale
+        both = np.empty((1 + len(problem.columns), len(r)))
+        both[0], J = r, both[1:]
+        np.take(linear.J, problem.columns, axis=0, out=J)
+        left = self._apart.eliminated(replace(linear, r=both[0], J=J), problem.scale)
+        if left.J is not J:
+            both[0], both[1:] = left.r, left.J
+        both /= problem.scale
+        return both

@@ -212,13 +212,17 @@ class TreeParameters:
         Raises:
             ValueError: If there is no such camera.
         """
-        first = self.gears.stop
-        for name, lens in self.base.lenses.items():
-            end = first + len(intrinsics_of(lens.lens))
-            if name == camera:
-                return slice(first, end)
-            first = end
-        raise ValueError(f"no camera {camera!r}")
+        if camera not in self._of_lens:
+            raise ValueError(f"no camera {camera!r}")
+        return self._of_lens[camera]
+
+    @cached_property
+    def _of_lens(self) -> dict[str, slice]:
+        """Where the intrinsics of each camera are."""
+        counts = [len(intrinsics_of(lens.lens)) for lens in self.base.lenses.values()]
+        ends = (self.gears.stop + np.cumsum(counts, dtype=int)).tolist()
+        places = [slice(end - count, end) for end, count in zip(ends, counts, strict=True)]
+        return dict(zip(self.base.lenses, places, strict=True))
 
     def mirror(self, name: str) -> slice:
         """Return where a mirror's plane is."""
@@ -258,11 +262,7 @@ class TreeParameters:
         """Return the body with these values. Shape (P,)."""
         base, n = self.base, len(self.base.joints)
         parts = values[: 6 * self.frame_count].reshape(-1, 6)
-        R = self.frames[:, :3, :3] @ rotation_from_vector(parts[:, :3])
-        t = parts[:, 3:].copy()
-        shifted = (self.frames[:n, :3, :3] @ parts[:n, 3:, None])[:, :, 0]
-        t[:n] = self.frames[:n, :3, 3] + shifted
-        X = transform(R, t)
+        X = self.frames @ transform(rotation_from_vector(parts[:, :3]), parts[:, 3:])
         moved = list(self.attached)
         for i, x in zip(self.placed, X[n:], strict=True):
             moved[i] = replace(moved[i], X_LA=x)

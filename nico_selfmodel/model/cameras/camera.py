@@ -68,9 +68,10 @@ class Camera:
         """Check the numbers and make the pose read-only."""
         own = intrinsics_of(self.lens)
         for name in EVERY_INTRINSIC:
-            object.__setattr__(self, name, float(getattr(self, name)))
-            if name not in own and getattr(self, name) != 0.0:
-                raise ValueError(f"a {self.lens} lens has no {name}, got {getattr(self, name):g}")
+            value = float(getattr(self, name))
+            object.__setattr__(self, name, value)
+            if value != 0.0 and name not in own:
+                raise ValueError(f"a {self.lens} lens has no {name}, got {value:g}")
         width, height = (int(size) for size in self.image_size)
         if (width, height) != tuple(self.image_size):
             raise ValueError(f"image_size must be two whole numbers, got {self.image_size}")

@@ -76,8 +76,8 @@ class TreeMotion:
         R_WL[n], p_WL[n] = np.eye(3)[:, :, None], 0.0
         for i, (motion, parent) in enumerate(zip(tree.motions, tree.parent.tolist(), strict=True)):
             R_WP[i] = R_WL[parent]
-            p_WJ[i] = p_WL[parent] + _turn(R_WL[parent], tree.X_PJ[i, :3, 3])
-            R_WJ[i] = np.einsum("ijn,jk->ikn", R_WL[parent], tree.X_PJ[i, :3, :3])
+            turned = tree.X_PJ[i, :3].T @ R_WL[parent]
+            R_WJ[i], p_WJ[i] = turned[:, :3], p_WL[parent] + turned[:, 3]
             if bearings is not None:
                 p_WJ[i] += np.einsum("ijn,nj->in", R_WJ[i], bearings[i, :, :3, 3])
                 R_WJ[i] = np.einsum("ijn,njk->ikn", R_WJ[i], bearings[i, :, :3, :3])

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.tree.forward.rows_last import at_samples, consecutive, dot_first
-from nico_selfmodel.estimation.tree.forward.sensor_models import Shown
+from nico_selfmodel.estimation.tree.forward.sensor_run import AttachedEnds, Sight
 from nico_selfmodel.geometry.rotation import skew
 from nico_selfmodel.model.arm.bending_slopes import Bent, bending_slopes
 from nico_selfmodel.model.arm.line_kinematics import cross
@@ -28,17 +28,30 @@ class Push:
     """Markers. Shape (N, 3)."""
     pose: NDArray
     """Samples. Shape (N,)."""
+    samples: NDArray | slice
+    """Those of all scalars. Shape (N k,)."""
 
     @cached_property
     def shift_first(self) -> NDArray:
-        """`shift` with its components first and the rows last. Shape (3, k, N)."""
-        return np.ascontiguousarray(self.shift.transpose(2, 1, 0))
+        """`shift` with its components first and scalars last. Shape (3, N k)."""
+        return np.ascontiguousarray(self.shift.reshape(-1, 3).T)
+
+    @cached_property
+    def turn_first(self) -> NDArray | None:
+        """`turn` with its components first and scalars last. Shape (3, N k)."""
+        return None if self.turn is None else np.ascontiguousarray(self.turn.reshape(-1, 3).T)
+
+    @cached_property
+    def p_first(self) -> NDArray:
+        """Markers of all scalars. Shape (3, N k)."""
+        return np.repeat(self.p_WM.T, self.shift.shape[1], axis=1)
 
     @classmethod
-    def of_shown(cls, shown: Shown, R_SW: NDArray, p_WM: NDArray, pose: NDArray) -> "Push":
-        """Return it of what sensors show, R_SW their orientations."""
+    def of_sight(cls, sight: Sight, seen: AttachedEnds) -> "Push":
+        """Return it of what sensors show of what is seen."""
+        shown, R_SW = sight.shown, sight.R_SW
         turn = None if shown.by_turn is None else shown.by_turn @ R_SW
-        return cls(shown.by_point @ R_SW, turn, p_WM, pose)
+        return cls(shown.by_point @ R_SW, turn, sight.p_WM, seen.pose, seen.scalar_samples)
 
     def of(self, rows: NDArray, origins: NDArray) -> tuple[NDArray, NDArray]:
         """Return derivatives by turns about frames' origins (3, S), and by shifts. (M, k, 3)."""
@@ -68,7 +81,7 @@ def by_frames(
 ) -> None:
     """Add what turns and shifts of joint frames move, and displacements: all joints at once.
 
-    Arrays have the components of vectors first and the rows last, (3, joints, k, N).
+    Arrays have the components of vectors first and scalars last, (3, joints, N k).
 
     Args:
         motion: The body.
@@ -79,25 +92,29 @@ def by_frames(
         by_q: By displacements. Shape (n, N, k).
         which: Joints that have frames. Boolean, shape (n,).
     """
+    if not which.any():
+        return
     joints = consecutive(np.flatnonzero(which))
-    sign = signs.T[joints][:, None]
-    along = push.shift_first[:, None] * sign
-    lever = push.p_WM.T[:, None] - at_samples(motion.p_WJ[joints].swapaxes(0, 1), push.pose)
-    about = cross(lever[:, :, None], along)
-    if push.turn is not None:
-        about = about + push.turn.transpose(2, 1, 0)[:, None] * sign
-    R = at_samples(motion.R_WP[joints].transpose(2, 1, 0, 3), push.pose)
-    columns = J[: 6 * len(which)].reshape(len(which), 6, *J.shape[1:])
-    slopes, frames = bases[0], bases[1][joints, :3, :3]
-    for part, by, base in ((slice(0, 3), about, slopes[joints]), (slice(3, 6), along, frames)):
-        axes = dot_first(R[:, :, None], base.transpose(1, 2, 0)[:, None, :, :, None])
-        columns[joints, part] += dot_first(by[:, None], axes[:, :, :, None]).transpose(1, 0, 3, 2)
-    z = at_samples(motion.R_WJ[joints, :, 2].swapaxes(0, 1), push.pose)[:, :, None]
+    sign = np.repeat(signs.T[joints], push.shift.shape[1], axis=1)
+    both = np.empty((3, 2, *sign.shape))
+    about, along = both[:, 0], both[:, 1]
+    np.multiply(push.shift_first[:, None], sign, out=along)
+    p_WJ = at_samples(motion.p_WJ[joints].swapaxes(0, 1), push.samples)
+    about[:] = cross(push.p_first[:, None] - p_WJ, along)
+    if push.turn_first is not None:
+        about += push.turn_first[:, None] * sign
+    R = at_samples(motion.R_WP[joints].transpose(1, 2, 0, 3), push.samples)
+    # (R base)' of what moves in W is what the parts of frames move.
+    on_link = dot_first(both[:, None], R[:, :, None]).transpose(1, 2, 0, 3)
+    told = np.stack([bases[0][joints], bases[1][joints, :3, :3]]).swapaxes(2, 3) @ on_link
+    count = len(which)
+    J[: 6 * count].reshape(count, 2, 3, -1)[joints] += told.swapaxes(0, 1)
+    z = at_samples(motion.R_WJ[joints, :, 2].swapaxes(0, 1), push.samples)
     motions = np.array(motion.tree.motions)[joints]
     for kind, by in ((REVOLUTE, about), (PRISMATIC, along)):
         if (own := motions == kind).any():
-            moved = dot_first(by, z) * own[:, None, None]
-            by_q[joints] += moved.swapaxes(1, 2)
+            moved = dot_first(by, z) if own.all() else dot_first(by, z) * own[:, None]
+            by_q.reshape(count, -1)[joints] += moved
 
 
 def by_bearing(i: int, motion: TreeMotion, push: "Push", moved: NDArray) -> NDArray:

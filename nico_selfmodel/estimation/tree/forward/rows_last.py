@@ -11,12 +11,15 @@ def consecutive(index: NDArray) -> NDArray | slice:
     return index
 
 
-def at_samples(values: NDArray, pose: NDArray) -> NDArray:
-    """Return values of samples by row, the last axis of both. Shape (..., P) -> (..., N)."""
-    rows = consecutive(pose)
+def at_samples(values: NDArray, rows: NDArray | slice) -> NDArray:
+    """Return values of samples, `consecutive` ones by slice. Shape (..., P) -> (..., N)."""
     return values[..., rows] if isinstance(rows, slice) else np.take(values, rows, axis=-1)
 
 
 def dot_first(vectors: NDArray, axes: NDArray) -> NDArray:
     """Return the sum over the first axis of products of two arrays, their components along it."""
-    return np.asarray(vectors[0] * axes[0] + vectors[1] * axes[1] + vectors[2] * axes[2])
+    total = np.asarray(vectors[0] * axes[0])
+    product = vectors[1] * axes[1]
+    total += product
+    total += np.multiply(vectors[2], axes[2], out=product)
+    return total

@@ -66,11 +66,13 @@ def shown_poses(p_SM: NDArray, R_SM: NDArray, measured: NDArray) -> Shown:
 
 def shown_pixels(p_SM: NDArray, lens: Camera, measured: NDArray) -> Shown:
     """A camera: pixels."""
-    near = (np.arange(3) == 2) & (np.abs(p_SM) < _NEAREST)
-    p = np.where(near, np.copysign(_NEAREST, p_SM), p_SM)
-    pixels, by_point, by_lens = project_in_camera(p.T, lens.values, lens.lens)
+    p = np.array(p_SM.T)
+    near = np.abs(p[2]) < _NEAREST
+    if near.any():
+        p[2, near] = np.copysign(_NEAREST, p[2, near])
+    pixels, by_point, by_lens = project_in_camera(p, lens.values, lens.lens)
     return Shown(
-        pixels.T - measured, np.moveaxis(by_point, -1, 0), by_lens=np.moveaxis(by_lens, -1, 0)
+        pixels.T - measured, by_point.transpose(2, 0, 1), by_lens=by_lens.transpose(2, 0, 1)
     )
 
 

@@ -23,7 +23,7 @@ from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS
 from nico_selfmodel.estimation.tree.boards.first_poses import first_poses
 from nico_selfmodel.estimation.tree.boards.settled_poses import SETTLING_ROUNDS, settled_poses
 from nico_selfmodel.estimation.tree.forward.pushes import Push, by_bearing, by_bends, by_frames
-from nico_selfmodel.estimation.tree.forward.rows_last import at_samples, consecutive, dot_first
+from nico_selfmodel.estimation.tree.forward.rows_last import at_samples, dot_first
 from nico_selfmodel.estimation.tree.forward.sensor_models import (
     Shown,
     shown_bearings,
@@ -32,6 +32,7 @@ from nico_selfmodel.estimation.tree.forward.sensor_models import (
     shown_points,
     shown_poses,
 )
+from nico_selfmodel.estimation.tree.forward.sensor_run import AttachedEnds, SensorRun, Sight
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.joint_errors import erring_readings
 from nico_selfmodel.estimation.tree.tree_observations import BEARING, SensorRows, TreeObservations
@@ -129,6 +130,10 @@ class TreeResiduals:
     def _boards(self) -> TreeObservations:
         return self.observations.on_free_joints()
 
+    @cached_property
+    def _board_runs(self) -> tuple[SensorRun, ...]:
+        return self._runs_of(self._boards)
+
     def _settled(
         self, tree: BodyTree, flanges: NDArray, rounds: int = SETTLING_ROUNDS
     ) -> tuple[NDArray, NDArray]:
@@ -144,7 +149,7 @@ class TreeResiduals:
 
     def _of_free(self, tree: BodyTree, motion: TreeMotion) -> tuple[NDArray, NDArray]:
         """Return residuals, and their derivatives by what moves freely alone. (R,), (R, m)."""
-        parts = [self._of_free_in(tree, motion, rows) for rows in self._boards.sensors]
+        parts = [self._of_free_in(tree, motion, run) for run in self._board_runs]
         return tuple(np.concatenate(part) for part in zip(*parts, strict=True))  # type: ignore[return-value]
 
     def residuals(self, values: NDArray) -> NDArray:
@@ -153,7 +158,7 @@ class TreeResiduals:
             return self.erring(None).residuals(values)
         tree = self.parameters.tree_of(values)
         motion = self.motion(tree)
-        shown = [self.show(tree, motion, rows)[0] for rows in self.observations.sensors]
+        shown = [self.show(tree, motion, run).shown for run in self._runs]
         return np.concatenate([part.residual.ravel() for part in shown])
 
     def linear(self, values: NDArray, start: NDArray | None = None) -> TreeLinear:
@@ -170,29 +175,23 @@ class TreeResiduals:
         motion = self._moved(tree, poses)
         slopes = self._layout.turn_slopes(self.parameters.layout_values(values))
         parts = [self._linear(tree, motion, slopes, run) for run in self._runs]
-        r = np.concatenate([p.r for p in parts])
-        by_joint = np.concatenate([p.by_joint for p in parts])
-        J = self.parameters.by_name(values, np.concatenate([p.J for p in parts], axis=1))
-        linear = TreeLinear(r, J, by_joint, poses=poses)
+        linear = replace(TreeLinear.together(parts), poses=poses)
+        linear = replace(linear, J=self.parameters.by_name(values, linear.J))
         if self.joint_errors is None:
             return linear
-        pulled = np.sum(by_joint * self.joint_errors[self.observations.sample], axis=1)
-        return replace(linear, r=r - pulled, pulled=pulled)
+        off = self.joint_errors[self.observations.sample]
+        pulled = np.einsum("rm,rm->r", linear.by_joint, off)
+        return replace(linear, r=linear.r - pulled, pulled=pulled)
 
-    def _frame(
-        self, motion: TreeMotion, frames: NDArray, item: NDArray, pose: NDArray
-    ) -> tuple[NDArray, NDArray]:
-        """Return orientations (N, 3, 3) and positions (N, 3) of markers or sensors in W."""
-        one, X = int(item[0]), frames[item]
-        if (item == one).all():
-            X, on = frames[one], self._on[one]
-            R = np.ascontiguousarray(at_samples(motion.R_WL[on], pose).transpose(2, 0, 1))
-            p = at_samples(motion.p_WL[on], pose).T + R @ X[:3, 3]
-        else:
+    def run_of(self, *parts: SensorRows) -> SensorRun:
+        """Return rows of sensors that are alike as what is linearised at once."""
+        pose = np.concatenate([rows.pose for rows in parts])
+        items = zip(*(self._items(rows) for rows in parts), strict=True)
+        ends, k = [], parts[0].measured.shape[1]
+        for item in map(np.concatenate, items):
             on = self._on[item]
-            R = motion.R_WL[on, :, :, pose]
-            p = motion.p_WL[on, :, pose] + (R @ X[:, :3, 3, None])[:, :, 0]
-        return R @ X[..., :3, :3], p
+            ends.append(AttachedEnds(item, on, pose, self._beyond[on].astype(float), k))
+        return SensorRun(parts, *ends)
 
     def _items(self, rows: SensorRows) -> tuple[NDArray, NDArray]:
         """Return which attached frames are seen, and which see. Shape (N,) each."""
@@ -202,106 +201,99 @@ class TreeResiduals:
         name = self.observations.data.sensors[rows.sensor].name
         return rows.marker, np.full(len(rows.rows), markers + self._sensor_names.index(name))
 
-    def show(
-        self, tree: BodyTree, motion: TreeMotion, rows: SensorRows
-    ) -> tuple[Shown, NDArray, NDArray, NDArray]:
-        """Return what a sensor shows, R_WS', p_WM (where it stands, not where it is seen), p_WS.
+    def show(self, tree: BodyTree, motion: TreeMotion, run: SensorRun) -> Sight:
+        """Return what sensors show.
 
         Args:
             tree: The body.
             motion: It at the samples.
-            rows: What the sensor measured, N observations.
-
-        Returns:
-            The last three of shapes (N, 3, 3), (N, 3) and (N, 3).
+            run: What the sensors measured, N observations.
         """
         frames = tree.X_attached
-        seen, seeing = self._items(rows)
-        R_WM, p_WM = self._frame(motion, frames, seen, rows.pose)
-        R_WS, p_WS = self._frame(motion, frames, seeing, rows.pose)
-        R_SW = np.swapaxes(R_WS, 1, 2)
-        apparent = reflect(tree.mirror(rows.mirror).plane, p_WM) if rows.mirror else p_WM
+        p_WM, p_WS = run.seen.places(motion, frames), run.seeing.places(motion, frames)
+        R_SW = np.swapaxes(run.seeing.orientations(motion, frames), 1, 2)
+        apparent = reflect(tree.mirror(run.mirror).plane, p_WM) if run.mirror else p_WM
         p_SM = (R_SW @ (apparent - p_WS)[:, :, None])[:, :, 0]
-        if rows.kind in (CAMERA, BEARING):
-            lens = tree.lenses[self.observations.data.sensors[rows.sensor].name]
-            show = shown_pixels if rows.kind == CAMERA else shown_bearings
-            shown = show(p_SM, lens, rows.measured)
-        elif rows.kind == DISTANCE:
-            shown = shown_distances(p_SM, rows.measured)
-        elif rows.kind == POINTS:
-            shown = shown_points(p_SM, rows.measured)
+        if run.kind in (CAMERA, BEARING):
+            show = shown_pixels if run.kind == CAMERA else shown_bearings
+            names = [self.observations.data.sensors[rows.sensor].name for rows in run.parts]
+            each = zip(names, run.own, run.parts, strict=True)
+            parts = [show(p_SM[own], tree.lenses[name], part.measured) for name, own, part in each]
+            return Sight(Shown.together(parts), tuple(parts), R_SW, p_WM, p_WS)
+        if run.kind == DISTANCE:
+            shown = shown_distances(p_SM, run.measured)
+        elif run.kind == POINTS:
+            shown = shown_points(p_SM, run.measured)
         else:
-            shown = shown_poses(p_SM, R_SW @ R_WM, rows.measured)
-        return shown, R_SW, p_WM, p_WS
+            R_SM = R_SW @ run.seen.orientations(motion, frames)
+            shown = shown_poses(p_SM, R_SM, run.measured)
+        return Sight(shown, (), R_SW, p_WM, p_WS)
 
     @cached_property
-    def _runs(self) -> tuple[tuple[SensorRows, ...], ...]:
-        """Sensors that follow each other and are alike: they are linearised at once."""
-        alike = groupby(self.observations.sensors, lambda rows: (rows.kind, rows.mirror))
-        return tuple(tuple(run) for _, run in alike)
+    def _runs(self) -> tuple[SensorRun, ...]:
+        return self._runs_of(self.observations)
+
+    def _runs_of(self, observations: TreeObservations) -> tuple[SensorRun, ...]:
+        """Return sensors that follow each other and are alike."""
+        alike = groupby(observations.sensors, lambda rows: (rows.kind, rows.mirror))
+        return tuple(self.run_of(*run) for _, run in alike)
+
+    @cached_property
+    def _read_alone(self) -> tuple[NDArray, NDArray]:
+        """Which of `noisy_joints` are no part of a whole pose, and their joints."""
+        motions, noisy = self.parameters.base.motions, self.observations.noisy_joints
+        own = [m for m, (i, _) in enumerate(noisy) if motions[i] not in WHOLE_POSES]
+        return np.array(own, dtype=int), np.array([noisy[m][0] for m in own], dtype=int)
 
     def _linear(
-        self, tree: BodyTree, motion: TreeMotion, slopes: NDArray, run: tuple[SensorRows, ...]
+        self, tree: BodyTree, motion: TreeMotion, slopes: NDArray, run: SensorRun
     ) -> TreeLinear:
-        all_shown = [self.show(tree, motion, rows) for rows in run]
-        shown = Shown.together([one[0] for one in all_shown])
-        _, *places = zip(*all_shown, strict=True)
-        R_SW, p_WM, p_WS = map(np.concatenate, places)
-        items = zip(*(self._items(rows) for rows in run), strict=True)
-        seen, seeing = map(np.concatenate, items)
-        pose, mirror = np.concatenate([rows.pose for rows in run]), run[0].mirror
-        N, k = shown.residual.shape
+        sight = self.show(tree, motion, run)
+        residual, pose = sight.shown.residual, run.pose
+        N, k = residual.shape
         J = np.zeros((len(self._layout.names), N, k))
         by_joint = np.zeros((N, k, len(self.observations.noisy_joints)))
         n = len(tree.joints)
         by_q, across = np.zeros((n, N, k)), np.zeros((4, n, N, k))
-        beyond, behind = self._beyond[self._on[seen]], self._beyond[self._on[seeing]]
-        push = pushed = Push.of_shown(shown, R_SW, p_WM, pose)
-        ways = [(push, beyond.astype(float) - behind)]
-        if mirror:
-            push, pushed = self._in_mirror(J, tree.mirror(mirror), push)
-            ways = [(push, beyond.astype(float)), (pushed, -behind.astype(float))]
+        push = pushed = Push.of_sight(sight, run.seen)
+        ways = [(push, run.signs)]
+        if run.mirror:
+            push, pushed = self._in_mirror(J, tree.mirror(run.mirror), push)
+            ways = [(push, run.seen.moved), (pushed, -run.seeing.moved)]
         for one, signs in ways:
             self._by_joints(motion, slopes, one, signs, J, by_q, by_joint, across)
         gears = self._layout.gears.start
         read = np.tensordot(tree.coupling.T, by_q, 1)
-        angles = self.observations.data.si_readings[pose] / tree.gear
-        for m, (i, _) in enumerate(self.observations.noisy_joints):
-            if tree.motions[i] not in WHOLE_POSES:
-                by_joint[:, :, m] = read[i]
-                # q = reading / gear
-                J[gears + i] = -read[i] * (angles[:, i] / tree.gear[i])[:, None]
+        own, joints = self._read_alone
+        by_joint[:, :, own] = read[joints].transpose(1, 2, 0)
+        # q = reading / gear
+        slope = self.observations.data.si_readings[:, joints] / tree.gear[joints] ** 2
+        J[gears + joints] = -read[joints] * slope[pose].T[:, :, None]
         if motion.load is not None:
             J[self._layout.bends] = by_bends(motion, read, across, pose)
-        self._by_attached(J, motion, slopes, push, seen, None)
-        self._by_attached(J, motion, slopes, pushed, seeing, p_WS)
-        first = 0
-        for rows, (one, *_) in zip(run, all_shown, strict=True):
-            own = slice(first, first + len(rows.rows))
-            first = own.stop
+        self._by_attached(J, motion, slopes, push, run.seen, None)
+        self._by_attached(J, motion, slopes, pushed, run.seeing, sight.p_WS)
+        for rows, own, one in zip(run.parts, run.own, sight.parts, strict=False):
             if one.by_lens is not None:
                 name = self.observations.data.sensors[rows.sensor].name
-                J[self._layout.intrinsics(name), own] = np.moveaxis(one.by_lens, -1, 0)
-        return TreeLinear(
-            shown.residual.ravel(), J.reshape(len(J), -1), by_joint.reshape(N * k, -1)
-        )
+                J[self._layout.intrinsics(name), own] = one.by_lens.transpose(2, 0, 1)
+        return TreeLinear(residual.ravel(), J.reshape(len(J), -1), by_joint.reshape(N * k, -1))
 
     def _of_free_in(
-        self, tree: BodyTree, motion: TreeMotion, rows: SensorRows
+        self, tree: BodyTree, motion: TreeMotion, run: SensorRun
     ) -> tuple[NDArray, NDArray]:
-        shown, R_SW, p_WM, _ = self.show(tree, motion, rows)
-        N, k = shown.residual.shape
-        push = Push.of_shown(shown, R_SW, p_WM, rows.pose)
-        if rows.mirror:
-            across = reflection(tree.mirror(rows.mirror).plane)[:3, :3]
+        sight = self.show(tree, motion, run)
+        residual = sight.shown.residual
+        push = Push.of_sight(sight, run.seen)
+        if run.mirror:
+            across = reflection(tree.mirror(run.mirror).plane)[:3, :3]
             push = replace(push, shift=push.shift @ across)
-        by_joint = np.zeros((N, k, len(self.observations.noisy_joints)))
-        beyond = self._beyond[self._on[self._items(rows)[0]]]
+        by_joint = np.zeros((*residual.shape, len(self.observations.noisy_joints)))
         for i in self.observations.data.free_joints:
-            moved = np.flatnonzero(beyond[:, i])
+            moved = np.flatnonzero(run.seen.moved[:, i])
             one = np.ones((len(moved), 1, 1))
             self._by_whole_pose(i, motion, push, moved, one, by_joint)
-        return shown.residual.ravel(), by_joint.reshape(N * k, -1)
+        return residual.ravel(), by_joint.reshape(residual.size, -1)
 
     def _in_mirror(self, J: NDArray, mirror: StandingMirror, push: Push) -> tuple[Push, Push]:
         """Add what the plane moves; return what moves the marker, and what moves the camera does.
@@ -376,24 +368,23 @@ class TreeResiduals:
         motion: TreeMotion,
         slopes: NDArray,
         push: Push,
-        items: NDArray,
+        ends: AttachedEnds,
         origin: NDArray | None,
     ) -> None:
         """Add what markers (`origin` None) or what sees them move on their links."""
-        sign = 1.0 if origin is None else -1.0
-        for item in np.unique(items):
+        shift, about = push.shift_first, push.turn_first
+        if origin is not None:
+            shift, about = -shift, None if about is None else -about
+            lever = push.p_first - np.repeat(origin.T, ends.k, axis=1)
+            across = cross(lever, shift)
+            about = across if about is None else across + about
+        rows = J.reshape(len(J), -1)
+        for item, own, samples in ends.by_item:
             frame = self._layout.frame_of[item]
             if frame < 0:
                 continue
-            own = consecutive(np.flatnonzero(items == item))
-            R = at_samples(motion.R_WL[self._on[item]], push.pose[own])
-            columns = J[6 * frame : 6 * frame + 6]
-            shift = sign * push.shift_first[:, :, own]
-            columns[3:, own] += dot_first(shift[:, None], R[:, :, None]).swapaxes(1, 2)
-            about = None if push.turn is None else sign * push.turn[own].transpose(2, 1, 0)
-            if origin is not None:
-                across = cross((push.p_WM[own] - origin[own]).T[:, None], shift)
-                about = across if about is None else across + about
+            R = at_samples(motion.R_WL[self._on[item]], samples)
+            columns = rows[6 * frame : 6 * frame + 6]
+            columns[3:, own] += dot_first(shift[:, None, own], R)
             if about is not None:
-                axes = dot_first(R.swapaxes(0, 1)[:, :, None], slopes[frame][:, None, :, None])
-                columns[:3, own] += dot_first(about[:, None], axes[:, :, None]).swapaxes(1, 2)
+                columns[:3, own] += slopes[frame].T @ dot_first(about[:, None, own], R)

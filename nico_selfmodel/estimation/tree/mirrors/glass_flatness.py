@@ -72,8 +72,8 @@ def _by_free_cameras(residuals: TreeResiduals, values: NDArray, mirror: str) -> 
     out = np.zeros((len(residuals.observations.row), 6 * len(cameras)))
     for rows in seeing:
         c = cameras.index(rows.sensor)
-        shown, R_SW, p_WM, _ = residuals.show(tree, motion, rows)
-        shift, p_WV = shown.by_point @ R_SW, reflect(plane, p_WM)
+        sight = residuals.show(tree, motion, residuals.run_of(rows))
+        shift, p_WV = sight.shown.by_point @ sight.R_SW, reflect(plane, sight.p_WM)
         turn = -shift @ skew(p_WV - p_WV.mean(axis=0))
         both = np.concatenate([turn, shift], axis=2)
         out[rows.scalars, 6 * c : 6 * c + 6] = both.reshape(-1, 6)
