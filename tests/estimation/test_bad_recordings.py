@@ -11,6 +11,7 @@ from nico_selfmodel.dataset.folder import load_dataset, save_dataset
 from nico_selfmodel.estimation.arm.evaluation import evaluate
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.diagnosis.fault_hypotheses import unwrapped_readings
+from nico_selfmodel.estimation.diagnosis.mistaken_units import mistaken_units
 from nico_selfmodel.estimation.diagnosis.nominal_check import robot_reason
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.model_verdict import judge_evaluation
@@ -151,6 +152,29 @@ def test_readings_that_lag_by_a_row_are_named(train, shift, words):
 def test_radians_stated_as_degrees_are_named(train):
     joints = tuple(replace(joint, encoder_unit="deg") for joint in train.joints)
     assert "rad stated as deg" in failing(replace(train, joints=joints), starts=1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("stated", "read"), [("deg", "rad"), ("rad", "deg")])
+def test_one_joint_read_in_another_unit_than_stated_is_named_alone(make_truth, stated, read):
+    truth = make_truth(4, 3)
+    data = truth.dataset(truth.poses(POSES, 4), sigma=SIGMA, seed=5)  # all are read in rad
+    mistaken = np.arange(4) == 2
+    in_stated = mistaken if stated == "rad" else ~mistaken
+    encoders = np.where(in_stated, np.degrees(data.encoders), data.encoders)
+    joints = tuple(replace(joint, encoder_unit=stated) for joint in data.joints)
+    reason = failing(replace(data, joints=joints, encoders=encoders), starts=1)
+    assert f"{joints[2].name} is read in {read}, not in {stated}" in reason
+    assert not any(f"{joint.name} is read in" in reason for joint in np.delete(joints, 2))
+    assert "--free" not in reason
+
+
+def test_only_joints_that_are_asked_about_and_turn_too_little_are_in_doubt():
+    spans = np.radians([170.0, 120.0, 2.0, 90.0])
+    angles = np.random.default_rng(0).uniform(-0.5, 0.5, (200, 4)) * spans
+    asked = np.array([True, True, False, True])
+    assert np.all(mistaken_units(angles, ("deg",) * 4, asked) == 1.0)
+    assert np.flatnonzero(mistaken_units(angles, ("deg",) * 4, ~asked) != 1.0).tolist() == [2]
 
 
 def test_a_mirrored_or_rescaled_robot_is_told_from_a_described_one(make_truth):

@@ -10,7 +10,7 @@ from nico_selfmodel.dataset.folder import load_dataset
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.bending import climber
 from nico_selfmodel.estimation.bending.bending_arm import BendingArm
-from nico_selfmodel.estimation.bending.implausible import LIFTS
+from nico_selfmodel.estimation.bending.implausible import COUPLES, LIFTS
 from nico_selfmodel.estimation.bending.steps import STEPS
 from nico_selfmodel.estimation.judging import judge, result_of, to_json
 from nico_selfmodel.estimation.monitoring.health import check_health
@@ -148,6 +148,28 @@ def test_ripple_is_kept_by_its_name():
     assert mean_mm(learned.model.parameters, test, test.p_WH_measured) < 0.6 * mean_mm(
         rigid.model.parameters, test, test.p_WH_measured
     )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("coupled", "kept"), [(0.05, True), (0.2, False)])
+def test_coupled_drives_are_kept_or_named_and_taken_for_no_gear(make_truth, coupled, kept):
+    truth = make_truth(4, 3)
+    data = truth.dataset(truth.poses(70, 4), sigma=3e-4, seed=5)
+    encoders = data.encoders.copy()
+    encoders[:, 3] -= coupled * encoders[:, 2]
+    found = calibrate_kinematics(replace(data, encoders=encoders), explain=False)
+    coupling = next(step for step in found.ladder.steps if step.effect == "coupling")
+    assert coupling.kept == kept
+    if kept:
+        values = dict(zip(found.model.parameters.names, found.model.parameters.values, strict=True))
+        joints = data.joints
+        name = f"{joints[3].name}.coupling_{joints[2].name}"
+        angle = coupled * joints[3].sign * joints[2].sign
+        assert values[name] == pytest.approx(angle, abs=5e-3)
+        assert found.train.distances.mean() < 3.0 * 3e-4
+    else:
+        assert coupling.reason == COUPLES
+        assert any("coupling is not kept" in warning for warning in judge(found).warnings)
 
 
 @pytest.mark.slow

@@ -90,7 +90,7 @@ def test_the_cameras_their_boards_and_the_epipolar_plane_are_seen(browser, tmp_p
         assert np.sum((strong >= low) & (strong <= high)) > 200, (low, high)
 
 
-MEASURE = """<iframe id="page" src="report.html" width="400" height="900"></iframe><script>
+MEASURE = """<iframe id="page" src="report.html" width="%d" height="900"></iframe><script>
 document.getElementById("page").onload = event => {
   const page = event.target.contentDocument, root = page.documentElement;
   page.querySelectorAll("details").forEach(one => one.open = true);
@@ -100,24 +100,35 @@ document.getElementById("page").onload = event => {
   const small = [...page.querySelectorAll(".panels text")]
     .map(one => one.getBoundingClientRect().height).filter(height => height && height < 7.5);
   const told = wide.map(one => `${one.tagName} ${one.textContent.trim().slice(0, 40)}`);
-  document.title = [root.scrollWidth, told, small.length]
+  const broken = [], walk = page.createTreeWalker(page.body, NodeFilter.SHOW_TEXT);
+  for (let node; node = walk.nextNode();) {
+    if (!node.parentElement.closest("table")) continue;
+    for (const found of node.data.matchAll(/(?<!\\S)[−+-]?\\d+(\\.\\d*)?(e[+-]?\\d+)?(?!\\S)/g)) {
+      const range = page.createRange();
+      range.setStart(node, found.index);
+      range.setEnd(node, found.index + found[0].length);
+      const lines = new Set([...range.getClientRects()].map(one => Math.round(one.top)));
+      if (lines.size > 1) broken.push(found[0]);
+    }
+  }
+  document.title = [root.scrollWidth, told, small.length, broken]
     .join("|");
 };</script>"""
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("width", [380, 400, 560, 700, 1280])
 @pytest.mark.parametrize("report", ["html", "camera_html", "failed_html"])
-def test_400_pixels_are_enough_to_read_everything_without_scrolling_sideways(
-    browser, tmp_path, request, report
-):
+def test_no_width_scrolls_sideways_or_breaks_a_number(browser, tmp_path, request, report, width):
     (tmp_path / "report.html").write_text(request.getfixturevalue(report), encoding="utf-8")
-    (tmp_path / "measure.html").write_text(MEASURE, encoding="utf-8")
+    (tmp_path / "measure.html").write_text(MEASURE % width, encoding="utf-8")
     words = [
         *(browser, *FLAGS, "--allow-file-access-from-files", "--dump-dom"),
         *(f"--user-data-dir={tmp_path / 'profile'}", (tmp_path / "measure.html").as_uri()),
     ]
     done = subprocess.run(words, check=True, capture_output=True, text=True, timeout=120)
-    width, wide, small = re.search(r"<title>(.*?)</title>", done.stdout, re.DOTALL)[1].split("|")
-    assert int(width) <= 400
-    assert wide == ""
+    title = re.search(r"<title>(.*?)</title>", done.stdout, re.DOTALL)[1]
+    needed, wide, small, broken = title.split("|")
+    assert int(needed) <= width
+    assert (wide, broken) == ("", "")
     assert int(small) == 0

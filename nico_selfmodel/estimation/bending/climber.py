@@ -26,6 +26,7 @@ from nico_selfmodel.estimation.bending.steps import HIDDEN, STEPS, Step
 from nico_selfmodel.model.arm.bending import (
     BACKLASH,
     BEARING,
+    COUPLING,
     LOADS,
     PARTS,
     PIVOTS,
@@ -42,6 +43,7 @@ _NOTHING = 1.0
 """What an effect of a rigid body explains of twice the log evidence, at the noise of the body
 without it, below which it is asked no further: what explains nothing leaves the noise as it is."""
 _GEARS_DO = "gears that are a little off explain it better"
+_COUPLINGS_DO = "couplings explain it better"
 _PIVOTS = 1.0
 """Standard deviation of a bearing's place on its axis, as a part of the rms of loads: it may be
 anywhere on its link."""
@@ -121,11 +123,19 @@ class Climber:
             rival = self._again(self._fitted((*self.kept, GEAR), self.still))
             if rival.evidence < self._again(after).evidence:
                 step = replace(step, kept=False, reason=gear_fault(rival) or _GEARS_DO)
+        if step.reason.startswith(NO_GEAR) and self._couplings_do():
+            step = replace(step, reason=_COUPLINGS_DO)
         if step.kept:
             assert after.parameters.bending is not None
             self.kept = wanted
             self._adopt(after)
         return step
+
+    def _couplings_do(self) -> bool:
+        """Whether coupled drives, of which gears take a part for their own, explain more."""
+        wanted = ((*self.kept, effect) for effect in (GEAR, COUPLING))
+        geared, coupled = (self._again(self._fitted(one, self.still)) for one in wanted)
+        return coupled.evidence < geared.evidence
 
     @property
     def unseen(self) -> tuple[float, float]:

@@ -4,7 +4,7 @@ import numpy as np
 
 from nico_selfmodel.estimation.bending.bendable import GEAR, Bendable
 from nico_selfmodel.estimation.bending.effect_fit import EffectFit
-from nico_selfmodel.model.arm.bending import BEARING, SAG
+from nico_selfmodel.model.arm.bending import BEARING, COUPLING, SAG
 
 LIFTS = "it would lift the arm: something else is explained, or the arm compensates already"
 """Why a sag of the wrong sign goes."""
@@ -15,6 +15,12 @@ NOT_ASKED = (
 """Why an effect that the user named was not tried."""
 NO_GEAR = "a gear that is told would have to be"
 """How the reason begins why a gear that contradicts its unit is a fault."""
+TURNS = "joints would turn by more than 3 deg: that is no bend"
+"""Why what turns joints too far goes."""
+COUPLES = "a joint would turn by more than a tenth of another's angle: check their readings"
+"""Why a coupling that is too strong goes."""
+_LARGEST_COUPLING = 0.1
+"""Of the other joint's angle; coupled drives are geometry, and turn with the whole of it."""
 _SURE = 2.0
 """Standard deviations by which gravity's work must be negative."""
 _LARGEST = np.radians(3.0)
@@ -37,10 +43,15 @@ def implausible(fit: EffectFit, body: Bendable) -> str:
         return LIFTS
     if gear_fault(fit):
         return gear_fault(fit)
+    bending = bent.bending
+    assert bending is not None
+    if COUPLING in bending.effects:
+        if np.abs(bending.coupling).max() > _LARGEST_COUPLING:
+            return COUPLES
+        rest = (effect for effect in bending.effects if effect != COUPLING)
+        bent = bent.with_bending(bending.with_effects(*rest))
     turns = body.turns(bent)
-    if np.abs(turns - turns.mean(axis=0)).max() > _LARGEST:
-        return "joints would turn by more than 3 deg: that is no bend"
-    return ""
+    return TURNS if np.abs(turns - turns.mean(axis=0)).max() > _LARGEST else ""
 
 
 def lifts(fit: EffectFit, body: Bendable) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.bending.implausible import LIFTS, NOT_ASKED
+from nico_selfmodel.estimation.bending.implausible import COUPLES, LIFTS, NOT_ASKED, TURNS
 from nico_selfmodel.estimation.bending.ladder import Ladder
 from nico_selfmodel.estimation.bending.steps import STEPS, Step
 from nico_selfmodel.estimation.observations.observations import Observations
@@ -114,7 +114,7 @@ def bending_warnings(ladder: Ladder, at: At) -> list[str]:
             f"{ladder.unit}: {bends} (--effects auto)"
         ]
     asked = {step.effect: step.reason for step in ladder.steps}
-    refused = {e: why for e, why in asked.items() if why == LIFTS}
+    refused = {e: why for e, why in asked.items() if why in (LIFTS, TURNS, COUPLES)}
     refused |= {e: asked.get(e, NOT_ASKED) for e in ladder.wanted if asked.get(e, NOT_ASKED)}
     return [f"{effect} is not kept: {why}" for effect, why in refused.items()]
 

@@ -12,6 +12,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.diagnosis.mistaken_units import OTHER_UNIT, mistaken_units
 from nico_selfmodel.estimation.initialization.axis_search import random_starts
 from nico_selfmodel.estimation.initialization.start_search import (
     ENOUGH_AGREE,
@@ -191,6 +192,8 @@ def _suspicions(
             gear_pinned,
             starts=_STARTS_AT_A_GAP,
         )
+    if worth is _Worth.EVERYTHING:
+        yield from _other_units(observations, gear_pinned, held)
     if worth is not _Worth.GAPS:
         yield from _exchanged(observations, gear_pinned, all_pairs=worth is _Worth.EVERYTHING)
     if worth is not _Worth.EVERYTHING:
@@ -230,6 +233,27 @@ def _exchanged(
             gear_pinned[order],
             starts=_STARTS_EXCHANGED,
         )
+
+
+def _other_units(
+    observations: Observations, gear_pinned: NDArray, held: NDArray
+) -> Iterator[_Suspicion]:
+    """Yield readings with the units mended of joints whose spans are 57 times off the others'."""
+    units = observations.units.unit
+    factors = mistaken_units(observations.angles, units, held)
+    mistaken = np.flatnonzero(factors != 1.0)
+    if not len(mistaken):
+        return
+    words = ", ".join(
+        f"{observations.joints[i]} is read in {OTHER_UNIT[units[i]][0]}, not in {units[i]} as "
+        "its encoder_unit states"
+        for i in mistaken
+    )
+    yield _Suspicion(
+        f"{words}: correct encoder_unit",
+        replace(observations, angles=observations.angles * factors),
+        gear_pinned,
+    )
 
 
 def foreign_marker(observations: Observations) -> str | None:

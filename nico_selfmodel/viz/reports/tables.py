@@ -42,6 +42,12 @@ class Table:
     headings: tuple[str, ...]
     rows: tuple[tuple[str, tuple[Cell, ...]], ...]
 
+    @property
+    def longest_word(self) -> int:
+        """Characters of the longest number or word in a cell; a minus is wide and counts twice."""
+        words = (word for _, cells in self.rows for cell in cells for word in cell.text.split())
+        return max((len(word) + word.count("−") for word in words), default=1)
+
 
 def number_cell(value: float | None, digits: int = 0) -> Cell:
     """Return a number with so many decimals; nothing for None."""
