@@ -89,7 +89,7 @@ def test_the_directives_of_the_document_are_read(project_root, folder, learned):
     from pydrake.multibody.plant import MultibodyPlant
 
     text = (project_root / "docs" / "any-robot.md").read_text(encoding="utf-8")
-    (block,) = re.findall(r"```yaml\n(directives:.*?)```", text, re.DOTALL)
+    (block,) = re.findall(r"```yaml\n( *directives:.*?)```", text, re.DOTALL)
     (folder / "scene.yaml").write_text(block.replace("my_result", "self_model.yaml"))
     for name, link in (("table", "top"), ("gripper", "base")):
         (folder / f"{name}.urdf").write_text(f'<robot name="{name}"><link name="{link}"/></robot>')

@@ -26,7 +26,7 @@ def mistaken_units(angles: NDArray, stated: Sequence[str], asked: NDArray) -> ND
         By what each joint's angles are to be multiplied; 1 where the unit is as stated. Shape (n,).
     """
     spans, factors = np.ptp(angles, axis=0), np.ones(len(stated))
-    for i in np.flatnonzero(asked & (spans > 0.0)):
+    for i in map(int, np.flatnonzero(asked & (spans > 0.0))):
         others = np.delete(spans, i)
         others = others[others > 0.0]
         if stated[i] not in OTHER_UNIT or not len(others):

@@ -117,9 +117,11 @@ def with_tail(model: BodyModel, sensor: float, joint: float) -> NoiseMixture:
     What was learned is the second moment of both, s^2 = (1 - e) s0^2 + e (w s0)^2.
     """
     core = 1.0 / np.sqrt(1.0 + TAIL_SHARE * (WIDER**2 - 1.0))
-    sigmas = core * np.array([sensor, joint])
+    sensor, joint = core * sensor, core * joint
     poses = max((int(entry.get("n", 0)) for entry in model.expected.values()), default=0)
-    return NoiseMixture(*sigmas, *(WIDER * sigmas), TAIL_SHARE, LEAST_SHARE, poses or _ABOUT)
+    return NoiseMixture(
+        sensor, joint, WIDER * sensor, WIDER * joint, TAIL_SHARE, LEAST_SHARE, poses or _ABOUT
+    )
 
 
 def body_poses(model: BodyModel, data: BodyDataset) -> PoseResiduals:
