@@ -69,6 +69,7 @@ def test_lenses_that_nothing_else_tells_are_learned_with_the_arms(arms, folders,
     assert command("evaluate", out, folders / "arms").returncode == 0
 
 
+@pytest.mark.slow
 def test_without_boards_the_lens_is_asked_for(folders, command):
     done = command("calibrate", "body", folders / "arms", "--out", folders / "none")
     assert done.returncode == 2

@@ -85,6 +85,7 @@ def test_a_body_that_bends_doubts_what_did_not_stay(monkeypatch):
     assert nees(is_sure, test, true) > 1.2 * nees(doubts, test, true)
 
 
+@pytest.mark.slow
 def test_loads_are_held_as_their_geometry_says():
     fit = sagged(1).ladder.fit
     said = load_sigmas(fit.parameters.table)

@@ -188,6 +188,7 @@ def test_corners_named_as_they_appear_are_no_reflection(mirrored):
         calibrate_tree(swapped)
 
 
+@pytest.mark.slow
 def test_corners_of_another_place_are_left_out_and_named(mirrored):
     table = mirrored.data.observations
     values = table.values.copy()

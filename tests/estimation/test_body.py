@@ -363,6 +363,7 @@ class TestBadInput:
         with pytest.raises(DataError, match="in 7 poses, at least 8 are needed"):
             calibrate_body(few, scenario().cameras, scenario().boards)
 
+    @pytest.mark.slow
     @pytest.mark.usefixtures("uncrossed")
     def test_poses_that_leave_parameters_unobservable_name_them(self):
         """One joint that hardly moved: its gear and zero cannot be told from other lengths."""

@@ -51,6 +51,7 @@ def test_a_head_that_moves_sees_one_plane_in_the_world(looked):
     assert not found.found.solution.outliers.any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [3.0, -3.0])
 def test_glass_that_is_bent_is_called_so_before_a_head_that_moves(looked, radius):
     seen, body = looked

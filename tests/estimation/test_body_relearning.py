@@ -42,6 +42,7 @@ def without(body, marker):
     return replace(body, tree=body.tree.with_markers(kept))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shift", [{"left_elbow": 7.0}, {"neck_yaw": 130.0, "right_wrist": -20.0}])
 def test_zeros_near_and_far_are_found_again(body, data, shift):
     update = rezero_body(body, shifted(body, data, **shift), list(shift))

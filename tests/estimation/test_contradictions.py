@@ -157,6 +157,7 @@ def test_a_cause_that_explains_all_is_told_as_the_cure(model):
     assert health_document(report)["explained"]
 
 
+@pytest.mark.slow
 def test_a_fifth_of_the_poses_off_at_the_beginning_is_no_change_of_the_body(model):
     data = only_cameras(poses(body(), 60))
     pixels = data.pixels.copy()

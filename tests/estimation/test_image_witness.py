@@ -71,6 +71,7 @@ def seen(shows, count=12, seed=0, mirrored=True, wide=1.0):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shows", "mirrored", "verdict"),
     [(in_mirror, True, MIRROR), (on_screen, True, PICTURE), (twin, False, ANOTHER)],

@@ -206,6 +206,7 @@ def test_a_part_of_the_arm_that_nothing_tells_does_not_hide_what_lengths_are_unc
     assert_allclose(beside.covariance, plain.covariance, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_mirrors_learned_through_one_body_err_as_their_common_covariance_says():
     rng, model = np.random.default_rng(9), body(True)
     data = together(

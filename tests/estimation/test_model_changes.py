@@ -20,6 +20,7 @@ def turned(model, vector, **changes):
     return replace(model, table=replace(model.dh, X_W0=X_W0), **changes)
 
 
+@pytest.mark.slow
 def test_what_went_round_did_not_change():
     """A base that crosses half a turn, and a zero a whole turn of its joint on."""
     model = learned(0).model

@@ -87,6 +87,7 @@ def test_noise_is_told_by_free_poses_where_there_are_enough(model):
     assert calibrate_kinematics(unmarked, explain=False).model.noise_mixtures["points"].poses <= 101
 
 
+@pytest.mark.slow
 def test_a_sensor_that_is_stated_to_be_worse_is(model):
     data = session(THESIS, SEED, 3, 20)
     own = model.noise_mixtures["points"]

@@ -189,6 +189,7 @@ def test_what_bends_moves_the_residuals_as_its_derivative_says(which, request):
             assert not linear.J[i].any(), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", ["scene", "mirrored"])
 def test_about_joint_errors_all_is_linear_where_the_joints_are_then(which, request):
     data, parameters, x = request.getfixturevalue(which)

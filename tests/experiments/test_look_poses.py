@@ -37,6 +37,7 @@ class Looks:
         return tuple(np.arange(1000) < side * count for side in self._sides)
 
 
+@pytest.mark.slow
 def test_postures_leave_nine_tenths_of_what_the_best_leaves_and_the_best_comes_first(workspace):
     looks = Looks(workspace)
     found = look_poses(looks, workspace, np.random.default_rng(0))

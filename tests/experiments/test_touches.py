@@ -123,6 +123,7 @@ def ways(planner, rng, postures=400):
             yield Mark(link, p_FM, 0.01, np.ones(3)), normal, plan
 
 
+@pytest.mark.slow
 def test_the_true_arm_comes_to_the_place_but_for_its_joints_and_what_is_asked_for(robot):
     planner, judge = robot
     rng = np.random.default_rng(5)

@@ -71,6 +71,7 @@ def test_a_whole_body_before_its_mirror_expects_its_hands_where_it_sees_them_in_
     assert page.lstrip().lower().startswith("<!doctype html>")
 
 
+@pytest.mark.slow
 def test_a_mirror_that_stood_elsewhere_or_is_not_known_is_not_shown():
     model, plane = before_glass("clean", 3)
     moved = Plane(plane.normal, plane.offset + 0.06)

@@ -39,6 +39,7 @@ def test_no_point_is_outside_of_its_capsule(points):
     assert fit_capsule(points).distance(points).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_a_cross_takes_two_capsules_and_a_ball_one():
     rng = np.random.default_rng(0)
     bar = on_capsule(0.02, 0.3, np.zeros(3), np.zeros(3), rng)

@@ -43,6 +43,7 @@ def planned():
     return WHOLE.plan(0, 30, np.random.default_rng(0))
 
 
+@pytest.mark.slow
 def test_the_hand_is_near_the_middle_of_the_images_with_some_of_the_room_beside_it(planned):
     view = WHOLE.view
     posture = view.posture(planned)

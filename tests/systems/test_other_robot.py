@@ -44,6 +44,7 @@ def seen(station, X_WO, other=0.0):
     return station.picture(context, "left").astype(int)
 
 
+@pytest.mark.slow
 def test_a_second_robot_is_seen_where_it_stands_and_moves_by_its_own_commands(station):
     away, there, moved = seen(station, None), seen(station, FACING), seen(station, FACING, 1500.0)
     changed = np.abs(there - away).max(axis=2) > 25

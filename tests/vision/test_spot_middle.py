@@ -40,6 +40,7 @@ def fitted(at, rng, edge=0, judged=SHAPE[1], sigma=0.25, slant=1.0):
     return spots[0], middle_of(spots[0], picture, [own])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edge", [0, 40, 43])
 def test_the_middle_is_where_it_is_and_as_well_known_as_is_said(edge):
     rng = np.random.default_rng(edge)
