@@ -96,6 +96,15 @@ def test_what_neighbours_have_alike_does_not_become_less_in_their_mean():
     assert 5.0 < np.nanmean(found.chi_square) < 9.5
 
 
+def test_light_that_is_less_well_known_in_one_place_surprises_less_there():
+    flat = np.full((120, 160, 3), 100.0)
+    share = np.where(np.arange(160) < 40, 0.04, 0.01) * np.ones((120, 1))
+    known = Expectation(flat.astype(np.uint8), np.zeros((120, 160)), 0.1, share)
+    flat[:30] += 6.0
+    found = surprise(flat.astype(np.uint8), known).chi_square
+    assert np.nanmean(found[:28, :38]) < 8.0 < 60.0 < np.nanmean(found[:28, 42:])
+
+
 def test_an_earlier_picture_tells_what_the_body_does_not():
     rng = np.random.default_rng(8)
     nothing = np.full((120, 160), np.nan)
@@ -155,6 +164,10 @@ def test_what_cannot_be_compared_is_refused():
         surprise(checks().astype(np.uint8), expected(np.nan))
     with pytest.raises(ValueError, match=r"shapes \(h, w, 3\)"):
         Expectation(np.zeros((2, 2, 3), np.uint8), np.zeros((3, 3)), 1.0, 0.0)
+    with pytest.raises(
+        ValueError, match=r"appearance_sigma must be a number or have shape \(2, 2\)"
+    ):
+        Expectation(np.zeros((2, 2, 3), np.uint8), np.zeros((2, 2)), 1.0, np.zeros(3))
 
 
 def test_what_was_found_cannot_be_changed():

@@ -143,7 +143,7 @@ def _page(
 
 
 SET_SHAPE = f"{1e3 * COMMON_SIGMA:g} mm: set on robot 900"
-SET_COLOR = f"{100 * COLOR_SIGMA:g} %: set on robots 0 and 1"
+SET_COLOR = f"{100 * COLOR_SIGMA:g} %: set on robots 0 and 1; more where its looks tell"
 SET_MIDDLE = f"{PIXEL_SIGMA:g} and {LENS_SIGMA:g} px: set on robots 900 and 950"
 SET_COMMON = f"{1e3 * COMMON_SIGMA:g} mm: set on robot 900"
 SET_UNLIKE = f"{100 * MOST_UNLIKE:g} %: set on robot 900"

@@ -47,10 +47,13 @@ class Unknown:
     """Link -> what of its places, each coordinate, is likeliest not known [m]."""
     color: float = APPEARANCE_SIGMA
     """Of colours and light, as a share of the grey level."""
+    colors: Mapping[str, float] = field(default_factory=dict)
+    """Link -> the same of one that is less well known: light that grazes a surface becomes another
+    where it is turned by a degree."""
 
     def __post_init__(self) -> None:
         """Make the mappings read-only."""
-        for name in ("points", "likely"):
+        for name in ("points", "likely", "colors"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def place_sigma(self, link: str) -> float:
@@ -130,7 +133,16 @@ class Expecting:
     def expected(self, side: int, seen: LabelledPicture) -> Expectation:
         """Return an expected picture, what is judged of it, and how well it is known."""
         sigma = self.pixel_sigma(side, seen)
-        return Expectation(bgr_of_rgba(seen.color), sigma, self.noise[side], self.unknown.color)
+        share = self._by_link(seen, self.unknown.colors, self.unknown.color)
+        return Expectation(bgr_of_rgba(seen.color), sigma, self.noise[side], share)
+
+    def _by_link(self, seen: LabelledPicture, known: Mapping[str, float], other: float) -> NDArray:
+        """Return what is known of each link at each pixel that shows it. Shape (h, w)."""
+        each = np.full(seen.labels.shape, other)
+        for number, name in self.image.links.items():
+            if name in known:
+                each[seen.labels == number] = known[name]
+        return each
 
     def pixel_sigma(self, side: int, seen: LabelledPicture) -> NDArray:
         """Return how well it is known where an expected picture is seen; nan where not judged.
@@ -138,10 +150,7 @@ class Expecting:
         The moving arm is not judged, nor what it covers: its joints are loose by more than its
         outline may be off.
         """
-        points = np.full(seen.labels.shape, self.unknown.other)
-        for number, name in self.image.links.items():
-            if name in self.unknown.points:
-                points[seen.labels == number] = self.unknown.points[name]
+        points = self._by_link(seen, self.unknown.points, self.unknown.other)
         sigma = reflection_sigma(self.rig, self.mirror, side, seen.depth, points)
         sigma = away_from_the_unknown(np.where(seen.labels == NOTHING, np.nan, sigma))
         moving = np.isin(seen.labels, [*self.image.moving])

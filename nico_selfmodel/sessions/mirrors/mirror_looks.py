@@ -1,6 +1,7 @@
 """Looking into a mirror at oneself, and what of it was not expected."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.sessions.mirrors.expecting import POINT_SIGMA, Expecting, MirrorLook, Unknown
 from nico_selfmodel.sessions.mirrors.known_body import Shot
 from nico_selfmodel.systems.rendering.body_image import BodyImage
+from nico_selfmodel.systems.rendering.cropped_render import LabelledPicture
 from nico_selfmodel.systems.rendering.mirror_scene import put_mirror
 from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
@@ -28,8 +30,50 @@ COLOR_SIGMA = 0.01
 """What colours are not known by once the body has been looked at, as a share of the grey level; set
 on robots 0 and 1."""
 
-_POINTS = (2.5e-4, 5e-4, 1e-3, 2e-3, POINT_SIGMA)
+COLORS = (COLOR_SIGMA, 0.02, 0.04, 0.08)
+"""What colours and light of a link may turn out not to be known by, as a share."""
+POINTS = (2.5e-4, 5e-4, 1e-3, 2e-3, POINT_SIGMA)
 """What places of a link may turn out not to be known by [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What looks at the unmarked body tell of each of `POINTS`, at one share of `COLORS`."""
+
+    likely: NDArray
+    """Mean log likelihood of the pixels of each link. Shape (P, L)."""
+    surprising: NDArray
+    """Whether something of it is even weakly surprising. Shape (P, L)."""
+    links: Mapping[str, int]
+    """Those that are judged, and which of L they are."""
+
+
+def least_unknown(told: Callable[[float], Told]) -> Unknown:
+    """Return how far each link looks otherwise than expected.
+
+    Of several sigmas of its place those count that leave nothing of the link even weakly
+    surprising, for what is wrong there is wrong in every look, and noise adds to it; of them the
+    likeliest. Where there is none its colours are known less, by as little as leaves one: light
+    that grazes a surface becomes another where that is turned by a degree. Where that leaves none
+    the largest counts of its place.
+
+    Args:
+        told: What looks tell where colours are known to a share; asked for more as needed.
+    """
+    points: dict[str, float] = {}
+    colors: dict[str, float] = {}
+    likeliest: dict[str, float] = {}
+    for color in COLORS:
+        found = told(color)
+        calm = np.where(found.surprising, -np.inf, found.likely)
+        for name, k in found.links.items():
+            likeliest.setdefault(name, POINTS[int(np.argmax(found.likely[:, k]))])
+            if name not in points and np.isfinite(calm[:, k]).any():
+                points[name], colors[name] = POINTS[int(np.argmax(calm[:, k]))], color
+        if found.links.keys() <= points.keys():
+            break
+    less = {name: color for name, color in colors.items() if color > COLOR_SIGMA}
+    return Unknown(points, POINT_SIGMA, likeliest, COLOR_SIGMA, less)
 
 
 class MirrorLooks:
@@ -178,9 +222,7 @@ class MirrorLooks:
     def unknown_of(self, commands: Sequence[NDArray]) -> Unknown:
         """Learn from the unmarked body how far each of its links looks otherwise than expected.
 
-        Of several sigmas of its place those count that leave nothing of the link even weakly
-        surprising in these looks, for what is wrong there is wrong in every look, and noise adds to
-        it; of them the likeliest (`log_likelihood`); the largest if there is none.
+        See `least_unknown`.
 
         Args:
             commands: Where to go [encoder units]. Shape (n,) each.
@@ -188,34 +230,35 @@ class MirrorLooks:
         Returns:
             What is not known, which counts from now on.
         """
-        size = max(self._image.links) + 1
-        likely, counts = np.zeros((len(_POINTS), size)), np.zeros((len(_POINTS), size))
-        surprising = np.zeros((len(_POINTS), size), dtype=bool)
-        for command in commands:
-            self.body.relive(command)
-            readings = self._readings()
-            for side, picture in enumerate(self._pictures()):
-                seen = self._image.expect(readings, self._mirror, side)
-                for k, point in enumerate(_POINTS):
-                    unknown = Unknown({}, point, {}, COLOR_SIGMA)
-                    expected = self._expecting(unknown).expected(side, seen)
-                    each = log_likelihood(picture, expected)
-                    own = seen.labels[np.isfinite(each)]
-                    likely[k] += np.bincount(own, each[np.isfinite(each)], size)
-                    counts[k] += np.bincount(own, minlength=size)
-                    for blob in surprising_places(surprise(picture, expected), WEAK):
-                        surprising[k, seen.labels[round(blob.v), round(blob.u)]] = True
-        mean = likely / np.maximum(counts, 1.0)
-        calm = np.where(surprising, -np.inf, mean)
-        seen = {name: k for k, name in self._image.links.items() if counts[0, k]}
-        found = {
-            name: _POINTS[int(np.argmax(calm[:, k]))]
-            for name, k in seen.items()
-            if np.isfinite(calm[:, k]).any()
-        }
-        likeliest = {name: _POINTS[int(np.argmax(mean[:, k]))] for name, k in seen.items()}
-        self.unknown = Unknown(found, POINT_SIGMA, likeliest, COLOR_SIGMA)
+        looks = [look for command in commands for look in self._seen_at(command)]
+        self.unknown = least_unknown(lambda color: self._told(looks, color))
         return self.unknown
+
+    def _seen_at(self, command: NDArray) -> list[tuple[int, NDArray, LabelledPicture]]:
+        """Go to a pose, and return each side with what it saw and what is expected there."""
+        self.body.relive(command)
+        readings = self._readings()
+        return [
+            (side, picture, self._image.expect(readings, self._mirror, side))
+            for side, picture in enumerate(self._pictures())
+        ]
+
+    def _told(self, looks: Sequence[tuple[int, NDArray, LabelledPicture]], color: float) -> "Told":
+        """Return what looks tell of each of `POINTS`, with colours known to a share."""
+        shape = len(POINTS), max(self._image.links) + 1
+        likely, counts, surprising = np.zeros(shape), np.zeros(shape), np.zeros(shape, dtype=bool)
+        for side, picture, seen in looks:
+            for k, point in enumerate(POINTS):
+                unknown = Unknown({}, point, {}, color)
+                expected = self._expecting(unknown).expected(side, seen)
+                each = log_likelihood(picture, expected)
+                own = seen.labels[np.isfinite(each)]
+                likely[k] += np.bincount(own, each[np.isfinite(each)], shape[1])
+                counts[k] += np.bincount(own, minlength=shape[1])
+                for blob in surprising_places(surprise(picture, expected), WEAK):
+                    surprising[k, seen.labels[round(blob.v), round(blob.u)]] = True
+        judged = {name: k for k, name in self._image.links.items() if counts[0, k]}
+        return Told(likely / np.maximum(counts, 1.0), surprising, judged)
 
     def unlike(self, commands: Sequence[NDArray], links: Collection[str]) -> float:
         """Return which share of some links of the unmarked body does not look as expected.

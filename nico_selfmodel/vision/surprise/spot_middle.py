@@ -113,7 +113,13 @@ def _about(
         sigma = np.where(left, expected.pixel_sigma[window], np.nan)
         if not np.isfinite(sigma).any():
             continue
-        own = replace(expected, picture=expected.picture[window], pixel_sigma=sigma)
+        shares = np.asarray(expected.appearance_sigma)[window]
+        own = replace(
+            expected,
+            picture=expected.picture[window],
+            pixel_sigma=sigma,
+            appearance_sigma=shares,
+        )
         judged, off, alike, noise, _ = held_against(picture[window], own, part.gain)
         seen = picture[window][judged].astype(float)
         at = np.stack([columns[judged], rows[judged]], axis=1).astype(float)

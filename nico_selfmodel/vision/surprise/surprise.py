@@ -35,11 +35,17 @@ class Expectation:
     nothing shall be judged [px]. Shape (h, w)."""
     noise: float
     """Standard deviation of a grey level of the camera."""
-    appearance_sigma: float
-    """What colours and light are not known by, as a share of the expected grey level."""
+    appearance_sigma: float | NDArray
+    """What colours and light are not known by, as a share of the expected grey level; everywhere,
+    or at each pixel. Shape () or (h, w)."""
 
     def __post_init__(self) -> None:
         """Check the shapes, and make the arrays read-only."""
+        if np.shape(self.appearance_sigma) not in ((), self.picture.shape[:2]):
+            raise ValueError(
+                f"appearance_sigma must be a number or have shape {self.picture.shape[:2]}, got "
+                f"{np.shape(self.appearance_sigma)}"
+            )
         if self.picture.ndim != 3 or self.pixel_sigma.shape != self.picture.shape[:2]:
             raise ValueError(
                 "picture and pixel_sigma must have shapes (h, w, 3) and (h, w), got "
@@ -47,6 +53,8 @@ class Expectation:
             )
         object.__setattr__(self, "picture", read_only(self.picture))
         object.__setattr__(self, "pixel_sigma", read_only(self.pixel_sigma, float))
+        each = np.broadcast_to(np.asarray(self.appearance_sigma, float), self.pixel_sigma.shape)
+        object.__setattr__(self, "appearance_sigma", read_only(each))
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,12 +207,13 @@ def held_against(
     mean, covariance = _displaced(expected, judged)
     seen = picture.astype(float)[judged]
     noise = expected.noise**2 + _ROUNDING
-    own = noise + np.square(expected.appearance_sigma * mean)
+    share = np.asarray(expected.appearance_sigma)[judged][:, None]
+    own = noise + np.square(share * mean)
     if gain is None:
         gain = _gain(seen, mean, own + np.einsum("nii->ni", covariance))
     alike = gain**2 * covariance
     edge = _MIXED**2 / 3.0 * np.einsum("nii->n", alike)[:, None]
-    alike[:, range(3), range(3)] += edge + np.square(expected.appearance_sigma * gain * mean)
+    alike[:, range(3), range(3)] += edge + np.square(share * gain * mean)
     return judged, seen - gain * mean, alike, noise, gain
 
 

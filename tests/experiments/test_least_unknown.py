@@ -1,0 +1,44 @@
+"""What is not known of each link, as looks at the unmarked body tell."""
+
+import numpy as np
+
+from nico_selfmodel.sessions.mirrors.expecting import POINT_SIGMA
+from nico_selfmodel.sessions.mirrors.mirror_looks import (
+    COLOR_SIGMA,
+    COLORS,
+    POINTS,
+    Told,
+    least_unknown,
+)
+
+LINKS = {"calm": 0, "grazed": 1, "strange": 2}
+
+
+def told(color):
+    """Places tell one link, colours another, and nothing the third."""
+    surprising = np.ones((len(POINTS), 3), dtype=bool)
+    surprising[1:, 0] = False
+    surprising[:, 1] = color < 0.04
+    likely = -np.abs(np.arange(len(POINTS))[:, None] - [2.0, 1.0, 0.0]) * np.ones(3)
+    return Told(likely, surprising, LINKS)
+
+
+def test_a_link_is_known_as_well_as_leaves_nothing_surprising():
+    found = least_unknown(told)
+    assert dict(found.points) == {"calm": POINTS[2], "grazed": POINTS[1]}
+    assert dict(found.colors) == {"grazed": 0.04}
+    assert found.color == COLOR_SIGMA
+    assert found.other == POINT_SIGMA
+    assert dict(found.likely) == {"calm": POINTS[2], "grazed": POINTS[1], "strange": POINTS[0]}
+
+
+def test_no_more_is_asked_where_places_tell_all():
+    asked = []
+
+    def all_calm(color):
+        asked.append(color)
+        return Told(told(0.04).likely[:, :2], np.zeros((len(POINTS), 2), dtype=bool),
+                    {"calm": 0, "grazed": 1})  # fmt: skip
+
+    assert not least_unknown(all_calm).colors
+    assert asked == [COLORS[0]]
