@@ -6,18 +6,22 @@ from math import comb
 import numpy as np
 import pytest
 
+from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.model_verdict import judge_body_errors, judge_evaluation
 from nico_selfmodel.estimation.monitoring.body_contradictions import body_contradictions
 from nico_selfmodel.estimation.monitoring.body_health import check_body_health
+from nico_selfmodel.estimation.monitoring.body_relearning import rezero_body
 from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.estimation.monitoring.health_document import health_document
 from nico_selfmodel.estimation.monitoring.relearning import left_by_cause
+from nico_selfmodel.estimation.monitoring.tool import rezero
 from nico_selfmodel.estimation.noise.contradictions import most_expected
 from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
 from nico_selfmodel.estimation.tree.tree_errors import errors_of
 from nico_selfmodel.estimation.tree.tree_result import errors_of_tree
 from nico_selfmodel.model.tree.body_model import BodyModel
 
+from ..slow_rest import slow_rest
 from .simulated_bodies import body, learned, only_cameras, poses
 from .simulated_trees import one_arm
 
@@ -165,3 +169,25 @@ def test_a_fifth_of_the_poses_off_at_the_beginning_is_no_change_of_the_body(mode
     wrong = replace(data, pixels=pixels)
     left = left_by_cause(model, wrong, check_health(model, wrong))
     assert left is not None
+
+
+@pytest.mark.parametrize("sensor", slow_rest(["camera", "points"]))
+def test_a_body_does_not_fit_whose_new_zero_leaves_a_fifth_of_the_poses_off(sensor):
+    body, data, wrong = tree_of(sensor, share=0.2)
+    update = rezero_body(body, data, ["j3"])
+    assert not update.fits
+    assert update.against.sample[update.against.found].tolist() == wrong.tolist()
+    reasons = judge(update).reasons
+    assert "12 of 60 poses are further off than noise explains" in reasons[0]
+    body, data, _ = tree_of(sensor)
+    assert rezero_body(body, data, ["j3"]).fits
+
+
+def test_an_arm_does_not_fit_whose_new_zero_leaves_a_tenth_of_the_poses_off(model):
+    data, wrong = spoilt(9)
+    update = rezero(model, data, joints=("right_elbow",)).update
+    assert not update.fits
+    assert "9 of 90 poses are further off than noise explains" in update.misfit_words
+    assert f"samples {wrong[0]}, {wrong[1]}" in update.misfit_words
+    few, _ = spoilt(2)
+    assert rezero(model, few, joints=("right_elbow",)).update.fits
