@@ -47,8 +47,9 @@ def exchanged_by_distance(observations: Observations, rigid: float) -> str | Non
     seen = int(np.isfinite(p[:, [a, b]]).all(axis=(1, 2)).sum())
     pair = " and ".join(sorted((observations.markers[a], observations.markers[b])))
     return (
-        f"markers {pair} are exchanged in {turned.sum()} of {seen} samples ({name_samples(samples[turned])}): "
-        f"their distances to the other markers change places; {EXCHANGED_CURE}"
+        f"markers {pair} are exchanged in {turned.sum()} of {seen} samples "
+        f"({name_samples(samples[turned])}): their distances to the other markers change "
+        f"places; {EXCHANGED_CURE}"
     )
 
 
@@ -72,8 +73,8 @@ def _exchanged(first: NDArray, second: NDArray, rigid: float) -> NDArray | None:
         Those in which fewer agree. Boolean, shape (S,); None where that does not make them stay.
     """
     pairs = np.sort(np.stack([first, second]), axis=0)
-    known = np.isfinite(pairs).all(axis=0)
-    if not len(known.T) or (known.sum(axis=0) < _FEWEST).any():
+    known = np.isfinite(first) & np.isfinite(second)
+    if not known.size or (known.sum(axis=0) < _FEWEST).any():
         return None
     if any(_scatter(one) >= rigid for part in pairs for one in part.T):
         return None

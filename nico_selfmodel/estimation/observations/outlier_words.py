@@ -141,7 +141,7 @@ def exchanged_names(
         if len(where) < _FEWEST_EXCHANGED or mended.sum() < _MOST_MENDED * both.sum():
             continue
         seen = len(np.unique(sample[np.isin(marker, (a, b))]))
-        pair = " and ".join(sorted((names[a], names[b])))
+        pair = " and ".join(sorted(str(names[i]) for i in (a, b)))
         found.append(
             f"markers {pair} are exchanged in {len(where)} of {seen} samples "
             f"({name_samples(where)}): their points fit under each other's names; "
