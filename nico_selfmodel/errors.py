@@ -29,6 +29,10 @@ class ModelError(SelfModelError):
     """A self-model, or a file that should hold one, is not valid."""
 
 
+class ImpossibleModelError(ModelError, ValueError):
+    """Numbers that no camera, mirror or body can have; a solver's step to them is refused."""
+
+
 class DataError(SelfModelError):
     """A data set, or a file that should hold one, is not valid."""
 

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.errors import ImpossibleModelError
+
 NormalEquations = tuple[float, NDArray, NDArray]
 """Cost f(x), gradient J'r and Gauss-Newton matrix J'J, with f = |r|^2 / 2."""
 
@@ -46,6 +48,15 @@ def damped_step(hessian: NDArray, gradient: NDArray, damping: NDArray) -> NDArra
     return -np.linalg.solve(damped, gradient)
 
 
+def _tried(evaluate: Callable[[NDArray], NormalEquations], x: NDArray) -> NormalEquations | None:
+    """Return the normal equations at a trial point; None where it cannot be, or costs no number."""
+    try:
+        found = evaluate(x)
+    except ImpossibleModelError:
+        return None
+    return found if np.isfinite(found[0]) else None
+
+
 def levenberg_marquardt(
     evaluate: Callable[[NDArray], NormalEquations],
     start: NDArray,
@@ -57,7 +68,8 @@ def levenberg_marquardt(
     """Minimise a sum of squares from its normal equations.
 
     Damping is scaled by the largest diagonal seen (Marquardt, as in MINPACK), so the iteration does
-    not depend on units, and follows the gain ratio (Nielsen 1999).
+    not depend on units, and follows the gain ratio (Nielsen 1999). A step to what cannot be, such
+    as a negative focal length, counts as one of infinite cost: it is refused, and shortened.
 
     Args:
         evaluate: Maps x to (cost, gradient, Gauss-Newton matrix).
@@ -69,6 +81,9 @@ def levenberg_marquardt(
 
     Returns:
         The best point. `converged` is False when the limit ended the iteration.
+
+    Raises:
+        ImpossibleModelError: If the start itself cannot be.
     """
     x = np.asarray(start, dtype=float)
     cost, gradient, hessian = evaluate(x)
@@ -87,12 +102,12 @@ def levenberg_marquardt(
         predicted = -(gradient @ dx) - 0.5 * dx @ hessian @ dx
         if predicted <= tolerance * cost or cost < 1e-30:
             return LevenbergMarquardtResult(x, cost, hessian, iteration, True, tuple(history))
-        new_cost, new_gradient, new_hessian = evaluate(x + dx)
-        if np.isfinite(new_cost) and new_cost < cost:
-            gain = (cost - new_cost) / predicted
+        new = _tried(evaluate, x + dx)
+        if new is not None and new[0] < cost:
+            gain = (cost - new[0]) / predicted
             damping = max(damping * max(0.01, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-13)
             growth = 2.0
-            x, cost, gradient, hessian = x + dx, new_cost, new_gradient, new_hessian
+            x, (cost, gradient, hessian) = x + dx, new
             scale = np.maximum(scale, np.diag(hessian))
             history.append(cost)
         else:

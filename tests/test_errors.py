@@ -9,6 +9,7 @@ from nico_selfmodel import errors
 TREE = {
     errors.SelfModelError: Exception,
     errors.ModelError: errors.SelfModelError,
+    errors.ImpossibleModelError: errors.ModelError,
     errors.DataError: errors.SelfModelError,
     errors.EstimationError: errors.SelfModelError,
     errors.NotIdentifiableError: errors.EstimationError,

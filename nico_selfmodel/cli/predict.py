@@ -32,21 +32,31 @@ def predict(
         ),
     ] = None,
     marker: options.Marker = None,
+    frame: Annotated[
+        str | None,
+        typer.Option(
+            "--frame",
+            metavar="SENSOR",
+            help="Of a whole body: the sensor in whose frame places are told, such as the tracker.",
+        ),
+    ] = None,
     as_json: options.AsJson = False,
 ) -> None:
     """Predict where the hand is: x, y, z [m], sigma of the model and with noise [mm].
 
     Places are in the frame that the output names: of an arm that of its tracker or left camera, of
-    a whole body where it begins, which with --robot is the description's root, not the tracker. A
-    sigma is that of one coordinate, rms of the three.
+    a whole body where it begins, which with --robot is the description's root; --frame SENSOR
+    tells them as that sensor sees them. A sigma is that of one coordinate, rms of the three.
     """
     from nico_selfmodel.model.readings import warn_beyond
     from nico_selfmodel.model.self_model_file import load_model
     from nico_selfmodel.model.tree.body_model import is_body
 
     if is_body(model):
-        _predict_body(model, encoders, table, marker, as_json)
+        _predict_body(model, encoders, table, marker, frame, as_json)
         return
+    if frame is not None:
+        raise ValueError(f"--frame is for whole bodies; {model} is of one arm: leave it out")
     learned = load_model(model)
     if (encoders is None) == (table is None):
         raise ValueError(
@@ -101,6 +111,7 @@ def _predict_body(
     encoders: list[str] | None,
     table: Path | None,
     marker: str | None,
+    frame: str | None,
     as_json: bool,
 ) -> None:
     """Predict the markers of any body: places, orientations, sigma, pixels by camera and mirror."""
@@ -121,13 +132,13 @@ def _predict_body(
     readings[:, read] = given
     approach = np.zeros(readings.shape)
     approach[:, read] = 0.0 if side is None else side
-    found = predict_body(body, readings, approach)
-    turns = rotation_vectors_of(found.R_WM)
+    found = predict_body(body, readings, approach, frame)
+    turns = rotation_vectors_of(found.R_FM)
     images = found.pixels | {f"{c}_in_{m}": uv for (c, m), uv in found.reflected.items()}
-    rows, frame = [], str(body.provenance.get("world", "world"))
+    rows, told_in = [], frame or str(body.provenance.get("world", "world"))
     for k in range(len(readings)):
         for m in chosen:
-            place = dict(zip(("x_m", "y_m", "z_m"), found.p_WM[k, m].tolist(), strict=True))
+            place = dict(zip(("x_m", "y_m", "z_m"), found.p_FM[k, m].tolist(), strict=True))
             turn = dict(zip(("rx", "ry", "rz"), turns[k, m].tolist(), strict=True))
             seen = {
                 f"{name}_{axis}": None if np.isnan(value) else float(value)
@@ -137,7 +148,7 @@ def _predict_body(
             sigma = {"sigma_mm": 1e3 * float(found.sigma[k, m])}
             rows.append(
                 {"pose": k, "marker": tree.markers[m].name}
-                | {**place, **turn, **sigma, **seen, "frame": frame}
+                | {**place, **turn, **sigma, **seen, "frame": told_in}
             )
     if as_json:
         printer.as_json({"markers": rows})

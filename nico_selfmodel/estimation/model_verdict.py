@@ -11,15 +11,13 @@ from nico_selfmodel.estimation.arm.evaluation import Evaluation, expected_covari
 from nico_selfmodel.estimation.noise.contradictions import (
     WHERE_TO_LOOK,
     Contradictions,
-    contradictions,
+    hand_contradictions,
 )
 from nico_selfmodel.estimation.noise.hand_observations import (
     JOINT_SIGMA,
     covariance_of,
     hand_observations_of,
 )
-from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
-from nico_selfmodel.estimation.noise.training_noise import expected_noise
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import describe_outliers
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
@@ -68,10 +66,8 @@ def _against(
     """Return which poses contradict; None where the model does not say the sensor's noise."""
     sensor = "pixels" if isinstance(evaluation, PixelEvaluation) else "points"
     if sensor not in model.noise_mixtures:
-        return None
-    poses = PoseResiduals.of(hand_observations_of(model, dataset, sensor))
-    noise = expected_noise(model, sensor, dataset)
-    return contradictions(poses, noise, covariance_of(model, poses.names))
+        return None  # and what it saw may not be held against it at all
+    return hand_contradictions(model, hand_observations_of(model, dataset, sensor), dataset)
 
 
 def judge_body_errors(

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
 from pydrake.solvers import IpoptSolver, MathematicalProgram, SnoptSolver, SolverOptions
 
+from nico_selfmodel.errors import ImpossibleModelError
 from nico_selfmodel.least_squares import NormalEquations
 from nico_selfmodel.names import listed
 from nico_selfmodel.optimization.levenberg_marquardt_solver import (
@@ -300,6 +301,7 @@ class CalibrationProgram:
 
         Raises:
             ValueError: If the solver is unknown.
+            ImpossibleModelError: If the start itself cannot be.
         """
         if solver not in SOLVERS:
             raise ValueError(f"no solver {solver!r}; there are {', '.join(SOLVERS)}")
@@ -331,13 +333,19 @@ class CalibrationProgram:
         if not (self._terms or self._priors):
             return
 
+        def tried(x: NDArray) -> tuple[float, NDArray]:
+            try:
+                return self.normal_equations(x)[:2]
+            except ImpossibleModelError:
+                return np.inf, np.zeros(len(x))
+
         def cost(values: NDArray) -> Any:
             if values.dtype == object and isinstance(values[0], AutoDiffXd):
                 x, slope = ExtractValue(values).ravel(), ExtractGradient(values)
-                f, gradient, _ = self.normal_equations(x)
+                f, gradient = tried(x)
                 chained = gradient[None, :] @ slope if slope.size else np.zeros((1, 0))
                 return InitializeAutoDiff(np.array([[f]]), chained)[0, 0]
-            return self.normal_equations(np.asarray(values, dtype=float))[0]
+            return tried(np.asarray(values, dtype=float))[0]
 
         self._cost = self.prog.AddCost(cost, np.array(self._variables))
 

@@ -274,6 +274,11 @@ def test_predictions_of_a_body_name_the_frame_that_they_are_in(tmp_path, command
     assert [row["frame"] for row in told] == ["base_link"]
     heading, row = csv.reader(command(*words).stdout.splitlines())
     assert dict(zip(heading, row, strict=True))["frame"] == "base_link"
+    seen = json.loads(command(*words, "--frame", "tracker", "--json").stdout)["markers"]
+    assert [row["frame"] for row in seen] == ["tracker"]
+    done = command(*words, "--frame", "nobody")
+    assert done.returncode == 2
+    assert "no sensor 'nobody'; the body has tracker" in done.stderr
 
 
 def test_an_arm_with_encoders_is_no_hand_eye(folder, tmp_path, command):

@@ -204,3 +204,39 @@ def test_the_chance_of_more_outliers_is_that_of_fishers_exact_test():
     # 3 of 4 against 1 of 4: 17 / 70.
     assert chance_of_more(3, 4, 1, 4) == pytest.approx(17.0 / 70.0)
     assert chance_of_more(0, 4, 1, 4) == pytest.approx(1.0)
+
+
+def with_exchanged(data: Dataset, share: float, seed: int) -> tuple[Dataset, list[int]]:
+    """Return a recording in a share of whose samples two markers' names are exchanged."""
+    samples = np.unique(data.sample)
+    rng = np.random.default_rng(seed)
+    some = rng.choice(samples, round(share * len(samples)), replace=False)
+    first, second = sorted(dict.fromkeys(data.marker.tolist()))[:2]
+    other = np.where(data.marker == first, second, np.where(data.marker == second, first, ""))
+    mixed = np.isin(data.sample, some) & (other != "")
+    return replace(data, marker=np.where(mixed, other, data.marker)), sorted(some.tolist())
+
+
+@pytest.fixture(scope="module")
+def of_three(make_truth):
+    truth = make_truth(3, 4, markers=3)
+    return truth.dataset(truth.poses(100, 1), sigma=SIGMA, seed=2)
+
+
+def test_markers_exchanged_in_an_eighth_of_the_samples_are_named(of_three):
+    data, samples = with_exchanged(of_three, 0.12, 7)
+    warnings = judge(calibrate_kinematics(data)).warnings
+    first, second = sorted(dict.fromkeys(of_three.marker.tolist()))[:2]
+    (words,) = [w for w in warnings if "exchanged" in w]
+    assert words.startswith(f"markers {first} and {second} are exchanged in 12 of 100 samples")
+    assert f"samples {samples[0]}, {samples[1]}" in words
+    sound = judge(calibrate_kinematics(of_three))
+    assert not any("exchanged" in words for words in (*sound.warnings, *sound.reasons))
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5])
+def test_markers_exchanged_in_many_samples_fail_by_name(of_three, share):
+    data, _ = with_exchanged(of_three, share, 7)
+    first, second = sorted(dict.fromkeys(of_three.marker.tolist()))[:2]
+    words = f"markers {first} and {second} are exchanged in {round(100 * share)} of 100 samples"
+    assert failing(data).startswith(words)

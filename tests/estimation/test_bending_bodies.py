@@ -81,7 +81,7 @@ def test_what_bends_in_a_body_is_written_read_and_predicted_with_its_sigma(saggi
     assert model.tree.bending.names == body.tree.bending.names
     assert model.tree.bending.values.tolist() == body.tree.bending.values.tolist()
     found = predict_body(model, test.encoders)
-    off = found.p_WM[:, 0] - true
+    off = found.p_FM[:, 0] - true
     normalised = np.sum(off**2, axis=1) / (3.0 * found.sigma[:, 0] ** 2)
     assert 0.4 < normalised.mean() < 2.2
 
@@ -183,9 +183,9 @@ def test_backlash_of_a_body_is_learned_and_uncertain_where_the_side_is_not_known
     model = body_model(found)
     known = predict_body(model, test.readings, np.asarray(test.approach))
     unknown = predict_body(model, test.readings)
-    assert np.linalg.norm(known.p_WM[:, 0] - true, axis=1).mean() < 3e-4
+    assert np.linalg.norm(known.p_FM[:, 0] - true, axis=1).mean() < 3e-4
     assert (unknown.sigma > 5.0 * known.sigma).mean() > 0.9
-    off = np.sum((unknown.p_WM[:, 0] - true) ** 2, axis=1) / (3.0 * unknown.sigma[:, 0] ** 2)
+    off = np.sum((unknown.p_FM[:, 0] - true) ** 2, axis=1) / (3.0 * unknown.sigma[:, 0] ** 2)
     assert 0.4 < off.mean() < 2.0
     assert len(dataset) == len(true)
 
@@ -248,7 +248,7 @@ def off_by_sigma(calibration, nico, recording):
     hand = mechanics.markers.index("right_hand_fiducial")
     true = np.array([mechanics.points(row)[hand] for row in q])
     i = model.tree.marker_index("right_hand_fiducial")
-    off = np.sum((found.p_WM[:, i] - true) ** 2, axis=1)
+    off = np.sum((found.p_FM[:, i] - true) ** 2, axis=1)
     return float(np.mean(off / (3.0 * found.sigma[:, i] ** 2)))
 
 

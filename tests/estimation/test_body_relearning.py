@@ -46,7 +46,7 @@ def without(body, marker):
 @pytest.mark.parametrize("shift", [{"left_elbow": 7.0}, {"neck_yaw": 130.0, "right_wrist": -20.0}])
 def test_zeros_near_and_far_are_found_again(body, data, shift):
     update = rezero_body(body, shifted(body, data, **shift), list(shift))
-    assert update.anew.fits
+    assert update.fits
     assert update.joints == tuple(shift)
     np.testing.assert_allclose(np.degrees(update.shifts), [-s for s in shift.values()], atol=0.6)
     assert np.isfinite(update.found.uncertainty.sigma).all()
@@ -64,7 +64,7 @@ def test_a_body_with_new_zeros_expects_what_is_seen(body, data):
 
 def test_a_zero_that_was_not_named_is_named(body, data):
     update = rezero_body(body, shifted(body, data, left_elbow=7.0), ["right_elbow"])
-    assert not update.anew.fits
+    assert not update.fits
     verdict = judge(update)
     assert verdict.status == "FAIL"
     assert any("the rest of the body no longer fits" in reason for reason in verdict.reasons)
@@ -110,7 +110,7 @@ def test_a_known_point_that_moved_is_learned_anew(body, data):
     )
     wrong = replace(body, tree=body.tree.with_markers(moved))
     update = calibrate_body_tool(wrong, data, tool=TIP)
-    assert update.anew.fits
+    assert update.fits
     assert to_json(update, judge(update))["known"]
     before, after = (
         next(m.X_LA[0, 3] for m in b.tree.markers if m.name == TIP) for b in (wrong, update.model)
@@ -149,6 +149,6 @@ def test_sigmas_of_new_zeros_cover_what_they_are_off():
                 update = rezero_body(body, shifted(body, seen, **{joint: turned}), [joint])
                 wrong = update.shifts[0] + np.radians(turned)
                 off.append(wrong / update.found.uncertainty.sigma[0])
-                fits.append(update.anew.fits)
+                fits.append(update.fits)
     assert 0.6 < np.sqrt(np.mean(np.square(off))) < 1.3
     assert np.mean(fits) > 0.85

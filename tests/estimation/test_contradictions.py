@@ -6,20 +6,26 @@ from math import comb
 import numpy as np
 import pytest
 
+from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.model_verdict import judge_body_errors, judge_evaluation
 from nico_selfmodel.estimation.monitoring.body_contradictions import body_contradictions
 from nico_selfmodel.estimation.monitoring.body_health import check_body_health
+from nico_selfmodel.estimation.monitoring.body_relearning import relearn_body, rezero_body
+from nico_selfmodel.estimation.monitoring.diagnosis import Diagnosis, Hypothesis
 from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.estimation.monitoring.health_document import health_document
 from nico_selfmodel.estimation.monitoring.relearning import left_by_cause
+from nico_selfmodel.estimation.monitoring.tool import rezero
 from nico_selfmodel.estimation.noise.contradictions import most_expected
 from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
 from nico_selfmodel.estimation.tree.tree_errors import errors_of
+from nico_selfmodel.estimation.tree.tree_parameters import FRAME_PARTS
 from nico_selfmodel.estimation.tree.tree_result import errors_of_tree
 from nico_selfmodel.model.tree.body_model import BodyModel
 
+from ..slow_rest import slow_rest
 from .simulated_bodies import body, learned, only_cameras, poses
-from .simulated_trees import one_arm
+from .simulated_trees import one_arm, two_arms
 
 
 @pytest.fixture(scope="module")
@@ -165,3 +171,42 @@ def test_a_fifth_of_the_poses_off_at_the_beginning_is_no_change_of_the_body(mode
     wrong = replace(data, pixels=pixels)
     left = left_by_cause(model, wrong, check_health(model, wrong))
     assert left is not None
+
+
+@pytest.mark.parametrize("sensor", slow_rest(["camera", "points"]))
+def test_a_body_does_not_fit_whose_new_zero_leaves_a_fifth_of_the_poses_off(sensor):
+    body, data, wrong = tree_of(sensor, share=0.2)
+    update = rezero_body(body, data, ["j3"])
+    assert not update.fits
+    assert update.against.sample[update.against.found].tolist() == wrong.tolist()
+    reasons = judge(update).reasons
+    assert "12 of 60 poses are further off than noise explains" in reasons[0]
+    body, data, _ = tree_of(sensor)
+    assert rezero_body(body, data, ["j3"]).fits
+
+
+def test_an_arm_does_not_fit_whose_new_zero_leaves_a_tenth_of_the_poses_off(model):
+    data, wrong = spoilt(9)
+    update = rezero(model, data, joints=("right_elbow",)).update
+    assert not update.fits
+    assert "9 of 90 poses are further off than noise explains" in update.misfit_words
+    assert f"samples {wrong[0]}, {wrong[1]}" in update.misfit_words
+    few, _ = spoilt(2)
+    assert rezero(model, few, joints=("right_elbow",)).update.fits
+
+
+def test_another_robot_does_not_fit_after_its_torso_was_learned_anew():
+    made = two_arms(2, poses=20, tags_each=3)
+    noise = {sensor.name: 0.3 for sensor in made.tree.sensors}
+    noise |= dict.fromkeys(made.tree.joints, float(np.radians(0.05)))
+    X = made.tree.X_PJ.copy()
+    X[1:, :3, 3] += np.random.default_rng(5).normal(0.0, 0.01, (len(X) - 1, 3))
+    body = BodyModel("other", replace(made.tree, X_PJ=X), np.ones(len(X)), noise=noise)
+    names = tuple(f"torso1.{part}" for part in FRAME_PARTS)
+    torso = Hypothesis("the torso", names, np.zeros((0, 6)))
+    nothing = np.zeros(0)
+    blamed = Diagnosis(torso, 0.0, 6, 0.0, nothing, nothing, nothing)
+    report = check_body_health(body, made.data)
+    update = relearn_body(body, made.data, replace(report, changed_at=0, diagnoses=(blamed,)))
+    assert update.against.count > 15
+    assert not update.fits

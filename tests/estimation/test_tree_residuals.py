@@ -221,3 +221,17 @@ def test_about_joint_errors_all_is_linear_where_the_joints_are_then(which, reque
         step[:, m] = 1e-6
         slope = (shown(x, errors + step) - shown(x, errors - step)) / 2e-6
         assert linear.by_joint[:, m] == pytest.approx(slope, abs=2e-6 * (1.0 + np.abs(slope).max()))
+
+
+@pytest.mark.parametrize("which", ["scene", "mirrored"])
+def test_small_changes_are_retold_from_the_frames_that_values_lead_to(which, request):
+    _, parameters, x = request.getfixturevalue(which)
+    there = TreeParameters(parameters.tree_of(x))
+    x = parameters.values_of(there.base)  # turns of less than half a circle
+    T = parameters.retold(x, parameters.names)
+    for i, name in enumerate(parameters.names):
+        step = 1e-6 * np.eye(len(x))[i]
+        ends = [there.values_of(parameters.tree_of(x + s)) for s in (step, -step)]
+        assert T[:, i] == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=1e-7), name
+    line = [f"a.{part}" for part in ("rx", "ry", "x", "y")]
+    assert parameters.retold(x, line).tolist() == np.eye(4).tolist()

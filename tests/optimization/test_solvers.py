@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from pydrake.solvers import MathematicalProgram, SolutionResult, SolverOptions
 
+from nico_selfmodel.errors import ImpossibleModelError
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 from nico_selfmodel.optimization.levenberg_marquardt_solver import LevenbergMarquardtSolver
 from nico_selfmodel.optimization.losses import Loss
@@ -165,3 +166,49 @@ def test_an_open_gauge_does_not_stop_the_solver(linear_block):
     assert solution.converged
     assert np.abs(solution.x).max() < 10.0
     assert np.abs(program.normal_equations(solution.x)[1]).max() < 1e-4
+
+
+class OnlyPositive:
+    """A block that cannot be where its first variable is not positive."""
+
+    def __init__(self, block):
+        self.block, self.names, self.refused = block, block.names, 0
+
+    def evaluate(self, x):
+        if x[0] <= 0.0:
+            self.refused += 1
+            raise ImpossibleModelError(f"must be positive, got {x[0]:g}")
+        return self.block.evaluate(x)
+
+
+def logarithm(names, data):
+    class Logarithm:
+        """Residuals log(x) - y: from afar the step of Gauss and Newton goes below zero."""
+
+        def __init__(self):
+            self.names = names
+
+        def evaluate(self, x):
+            return (np.log(x) - data)[:, None], (1.0 / x)[:, None, None]
+
+    return OnlyPositive(Logarithm())
+
+
+@pytest.mark.parametrize("solver", ["lm", "ipopt"])
+def test_a_step_to_what_cannot_be_is_refused_and_shortened(solver):
+    block = logarithm(("x",), 0.0)
+    program = CalibrationProgram()
+    program.add_variables(["x"], [20.0])
+    program.add_residuals(block)
+    solution = program.solve(solver)
+    assert block.refused
+    assert solution.converged
+    assert solution.x == pytest.approx([1.0], abs=1e-3)
+
+
+def test_a_start_that_cannot_be_is_an_error():
+    program = CalibrationProgram()
+    program.add_variables(["x"], [-2.0])
+    program.add_residuals(logarithm(("x",), 0.0))
+    with pytest.raises(ImpossibleModelError, match="must be positive, got -2"):
+        program.solve()

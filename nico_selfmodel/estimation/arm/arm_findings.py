@@ -10,6 +10,7 @@ from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import (
     chance_of_more,
     describe_outliers,
+    exchanged_names,
     foreign_markers,
 )
 from nico_selfmodel.estimation.results.calibration_result import (
@@ -54,7 +55,10 @@ def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
     """
     misfit = _misfit_reason(calibration)
     explained = misfit is None and not calibration.causes.words
+    exchanged = _exchanged_words(calibration)
     foreign = foreign_markers(calibration.train.observations, calibration.outliers)
+    if foreign and exchanged:
+        foreign, exchanged = exchanged, []
     failures = [
         calibration.contradicted_robot,
         *_gear_reasons(calibration),
@@ -66,12 +70,13 @@ def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
     held_out, ladder = calibration.test, calibration.ladder
     said = [] if held_out is None else [_held_out_words(calibration, held_out)]
     bends = kept_words(ladder, calibration.model.bending, calibration.at)
+    bends_badly = bending_warnings(ladder, calibration.at)
     return (
         *findings(CAUSE, calibration.causes.words),
         *findings(MISFIT, [misfit]),
         *findings(FAILURE, failures),
         *findings(LAST, last),
-        *findings(WARNING, [*bending_warnings(ladder, calibration.at), *_warnings(calibration)]),
+        *findings(WARNING, [*bends_badly, *exchanged, *_warnings(calibration)]),
         *findings(NOTE, [*said, *bends, *_set_aside_words(calibration)]),
     )
 
@@ -157,6 +162,19 @@ def _held_out_words(calibration: KinematicCalibration, test: Evaluation) -> str:
 def _rounded(mm: float) -> str:
     """Return a length that a small arm does not round to nothing."""
     return f"{mm:.2f}" if mm >= 0.1 else f"{mm:.3g}"
+
+
+def _exchanged_words(calibration: KinematicCalibration) -> list[str]:
+    """Say which markers' names are exchanged in part of the training poses."""
+    rows, wrong = calibration.train.observations, calibration.outliers
+    if len(rows.markers) < 2 or not wrong.any() or wrong.all():
+        return []
+    arm = calibration.model.parameters
+    each = (np.full(len(rows), m) for m in range(len(rows.markers)))
+    predicted = [arm.predict(rows.angles, one, rows.approach)[0] for one in each]
+    told_as = np.linalg.norm(rows.p_WH - np.stack(predicted), axis=2).T
+    most = told_as[np.arange(len(rows)), rows.marker][~wrong].max()
+    return exchanged_names(rows.markers, rows.marker, rows.sample, wrong, told_as / most)
 
 
 def _set_aside_words(calibration: KinematicCalibration) -> list[str]:

@@ -12,6 +12,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.diagnosis.exchanged_distances import exchanged_by_distance
 from nico_selfmodel.estimation.diagnosis.mistaken_units import OTHER_UNIT, mistaken_units
 from nico_selfmodel.estimation.initialization.axis_search import random_starts
 from nico_selfmodel.estimation.initialization.start_search import (
@@ -275,6 +276,9 @@ def foreign_marker(observations: Observations) -> str | None:
     if not loose.any():
         return None
     largest = float(np.nanmax(scatter))
+    exchanged = exchanged_by_distance(observations, _RIGID * observations.size)
+    if exchanged is not None:
+        return exchanged
     # Who is at odds with most others is the stranger; of two nobody can tell.
     odds = loose.sum(axis=1)
     worst = np.flatnonzero(odds == odds.max())

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import NotIdentifiableError
+from nico_selfmodel.estimation.noise.contradictions import Contradictions, hand_contradictions
 from nico_selfmodel.estimation.noise.expected_misfit import expected_misfit
 from nico_selfmodel.estimation.noise.hand_observations import (
     HandObservations,
@@ -49,6 +50,8 @@ class BlockUpdate:
     """Standard deviation of `misfit` about that."""
     converged: bool
     iterations: int
+    against: Contradictions | None = None
+    """Poses that contradict what was learned; None where the body does not say the noise."""
 
     @property
     def score(self) -> float:
@@ -58,15 +61,24 @@ class BlockUpdate:
     @property
     def misfit_words(self) -> str:
         """What is left of the observations, in words: of those that were not set aside."""
-        if outliers_are_many(self.outliers) is not None:
-            wrong = f"{self.outliers.sum()} of {self.outliers.size}"
-            return f"{wrong} observations contradict what was learned"
-        return update_words(self.misfit, self.expected)
+        if not self._contradicted:
+            return update_words(self.misfit, self.expected)
+        if self.against is not None:
+            return self.against.words
+        wrong = f"{self.outliers.sum()} of {self.outliers.size}"
+        return f"{wrong} observations contradict what was learned"
 
     @property
     def fits(self) -> bool:
         """Whether the rest of the body still fits the data."""
-        return self.score < 4.0 and outliers_are_many(self.outliers) is None
+        return self.score < 4.0 and not self._contradicted
+
+    @property
+    def _contradicted(self) -> bool:
+        """Whether more contradicts than false detections explain."""
+        if self.against is None:
+            return outliers_are_many(self.outliers) is not None
+        return self.against.too_many
 
 
 def learn_block(
@@ -124,6 +136,7 @@ def learn_block(
         *expected_misfit(model, at, inliers, len(names)),
         solution.converged,
         solution.iterations,
+        hand_contradictions(updated, at),
     )
 
 
@@ -196,6 +209,7 @@ def learn_with_prior(
         *expected_misfit(model, at, inliers, len(names)),
         solution.converged,
         solution.iterations,
+        hand_contradictions(updated, at),
     )
 
 

@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import POSES
 from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.estimation.monitoring.body_contradictions import body_contradictions
 from nico_selfmodel.estimation.monitoring.body_zeros import likely_zeros
 from nico_selfmodel.estimation.monitoring.health import HealthReport
+from nico_selfmodel.estimation.noise.contradictions import Contradictions
+from nico_selfmodel.estimation.results.verdict import outliers_are_many
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.known.learned_anew import LearnedAnew, known_noise, learn_anew
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
@@ -49,6 +52,13 @@ class BodyUpdate:
     """Name of the marker that is a tool's tip."""
     cause: str | None = None
     """What had changed, in words."""
+    against: Contradictions | None = None
+    """Poses that contradict the body with them; None where it does not say the noise."""
+
+    @property
+    def fits(self) -> bool:
+        """Whether the rest explains what was seen, but for what false detections explain."""
+        return _fits(self.anew, self.against)
 
     @property
     def found(self) -> TreeCalibration:
@@ -73,8 +83,9 @@ def relearn_body(model: BodyModel, data: BodyDataset, report: HealthReport) -> B
     clock, cause = time.perf_counter(), report.diagnoses[0].hypothesis
     since = data.select(np.isin(data.sample, report.sample[report.changed_at :]))
     anew = learn_anew(model, model.tree, told_as(model.tree, since), frozenset(cause.names))
-    before, seconds = errors_of(model.tree, since), time.perf_counter() - clock
-    return BodyUpdate("relearn", anew.body(model), anew, before, seconds, cause=cause.cause)
+    after, before = anew.body(model), errors_of(model.tree, since)
+    against, seconds = body_contradictions(after, since), time.perf_counter() - clock
+    return BodyUpdate("relearn", after, anew, before, seconds, cause=cause.cause, against=against)
 
 
 def rezero_body(
@@ -101,15 +112,18 @@ def rezero_body(
     zeros = [f"{joint}.{_ZERO[tree.motions[tree.joints.index(joint)]]}" for joint in lost]
     names, seen = frozenset(zeros), TreeObservations.of(told)
     found = _relearned(model, tree, told, names)
-    if not found.fits:
+    against = body_contradictions(found.body(model), data)
+    if not _fits(found, against):
         # No slope leads to a zero that is far away: zeros all over the turn are tried.
         far = _relearned(model, tree, told, names, begin=likely_zeros(tree, seen, names))
         found = min(found, far, key=lambda one: (int(one.set_aside.sum()), one.misfit))
+        against = body_contradictions(found.body(model), data)
     parameters = found.found.parameters
     moved = found.found.values[[parameters.index[name] for name in zeros]]
     seconds = time.perf_counter() - clock
     before = errors_of(tree, data)
-    return BodyUpdate("rezero", found.body(model), found, before, seconds, lost, moved)
+    after = found.body(model)
+    return BodyUpdate("rezero", after, found, before, seconds, lost, moved, against=against)
 
 
 def calibrate_body_tool(
@@ -138,9 +152,16 @@ def calibrate_body_tool(
     turned = _is_turned(data, name)
     names = frozenset(f"{name}.{part}" for part in (FRAME_PARTS if turned else SHIFTS))
     anew = _relearned(model, tree, told, names, test)
-    return BodyUpdate(
-        "tool", anew.body(model), anew, before, time.perf_counter() - clock, tool=name
-    )
+    after = anew.body(model)
+    against, seconds = body_contradictions(after, data), time.perf_counter() - clock
+    return BodyUpdate("tool", after, anew, before, seconds, tool=name, against=against)
+
+
+def _fits(anew: LearnedAnew, against: Contradictions | None) -> bool:
+    """Return whether a body with what was learned in it fits, all poses counted."""
+    if against is None:
+        return anew.fits and outliers_are_many(anew.set_aside) is None
+    return anew.fits and not against.too_many
 
 
 def _relearned(

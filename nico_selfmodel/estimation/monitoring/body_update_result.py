@@ -8,15 +8,9 @@ import numpy as np
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import DataError, EstimationError, ModelError
 from nico_selfmodel.estimation.monitoring.block_update import update_words
-from nico_selfmodel.estimation.monitoring.body_health import (
-    body_poses,
-    false_share,
-    shown_covariance,
-)
 from nico_selfmodel.estimation.monitoring.body_relearning import BodyUpdate, relearn_body
 from nico_selfmodel.estimation.monitoring.health import HealthReport
 from nico_selfmodel.estimation.monitoring.update_result import OUTLIER_CAUSE
-from nico_selfmodel.estimation.noise.contradictions import contradictions
 from nico_selfmodel.estimation.results.calibration_result import (
     FAILURE,
     CalibrationResult,
@@ -37,7 +31,9 @@ def body_update_result(update: BodyUpdate) -> CalibrationResult:
     """
     learned, anew = tree_result(update.found), update.anew
     words = update_words(anew.misfit, anew.expected)
-    broken = None if anew.fits else f"the rest of the body no longer fits ({_why(update, words)}): "
+    broken = (
+        None if update.fits else f"the rest of the body no longer fits ({_why(update, words)}): "
+    )
     broken = broken and f"{broken}run `nico-selfmodel monitor` to see what changed"
     kept, was = ~update.found.solution.outliers, update.before
     before = {} if was is None else {"train": errors_of_tree(was, kept).to_json()}
@@ -49,7 +45,7 @@ def body_update_result(update: BodyUpdate) -> CalibrationResult:
         details={
             **learned.details,
             "misfit": {"value": anew.misfit, "expected": anew.expected},
-            "body_fits": anew.fits,
+            "body_fits": update.fits,
             "before": before,
             **_zeros(update),
             **_tip(update),
@@ -77,13 +73,8 @@ def left_by_cause(model: BodyModel, data: BodyDataset, report: HealthReport) -> 
         update = relearn_body(model, data, report)
     except (DataError, EstimationError, ModelError) as error:
         return str(error)
-    anew, after = update.anew, update.model
-    if not anew.fits:
-        return _why(update, update_words(anew.misfit, anew.expected))
-    poses = body_poses(after, data.select(np.isin(data.sample, report.sample[report.changed_at :])))
-    share, known = false_share(poses.dof // 2), shown_covariance(after, poses)
-    against = contradictions(poses, report.noise, known, share)
-    return against.words if against.too_many else None
+    anew = update.anew
+    return None if update.fits else _why(update, update_words(anew.misfit, anew.expected))
 
 
 def _why(update: BodyUpdate, misfit: str) -> str:
@@ -93,6 +84,8 @@ def _why(update: BodyUpdate, misfit: str) -> str:
         return f"readings of {listed(anew.read_wrongly)} would be wrong in many poses"
     if anew.seen_wrongly:
         return f"what was seen on {listed(anew.seen_wrongly)} contradicts it, {misfit}"
+    if update.against is not None and update.against.too_many:
+        return f"{update.against.words}, {misfit}"
     if anew.set_aside.any():
         outliers = f"{anew.set_aside.sum()} of {anew.set_aside.size}"
         return f"{outliers} observations contradict what was learned, {misfit}"

@@ -6,9 +6,7 @@ from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import EstimationError, ModelError
 from nico_selfmodel.estimation.monitoring.block_update import BlockUpdate, learn_block
 from nico_selfmodel.estimation.monitoring.health import HealthReport
-from nico_selfmodel.estimation.noise.contradictions import contradictions
-from nico_selfmodel.estimation.noise.hand_observations import covariance_of, hand_observations_of
-from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
+from nico_selfmodel.estimation.noise.hand_observations import hand_observations_of
 from nico_selfmodel.estimation.observations.parameter_scales import parameter_scales_of
 from nico_selfmodel.estimation.observations.pixel_observations import columns_of
 from nico_selfmodel.model.self_model import SelfModel
@@ -56,12 +54,7 @@ def left_by_cause(
         update = relearn_cause(model, dataset, report, sensor)
     except (EstimationError, ModelError) as error:
         return str(error)
-    if not update.fits:
-        return update.misfit_words
-    after, since = update.model, since_change(model, dataset, report)
-    poses = PoseResiduals.of(hand_observations_of(after, since, sensor))
-    against = contradictions(poses, report.noise, covariance_of(after, poses.names))
-    return against.words if against.too_many else None
+    return None if update.fits else update.misfit_words
 
 
 def since_change(model: SelfModel, dataset: Dataset, report: HealthReport) -> Dataset:

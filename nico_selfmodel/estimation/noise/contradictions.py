@@ -14,10 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import read_only
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.estimation.noise.hand_observations import HandObservations, covariance_of
 from nico_selfmodel.estimation.noise.mixture_density import MixtureDensity
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
+from nico_selfmodel.estimation.noise.training_noise import expected_noise
 from nico_selfmodel.estimation.observations.outlier_words import name_samples
 from nico_selfmodel.model.noise_mixture import NoiseMixture
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.optimization.chi_square import as_rare_as
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 
@@ -98,6 +102,26 @@ def contradictions(
         share: Of poses with false detections that is to be expected; the noise's if omitted.
     """
     return Contradictions.of(poses, MixtureDensity(poses, noise, covariance), share)
+
+
+def hand_contradictions(
+    model: SelfModel, observations: HandObservations, dataset: Dataset | None = None
+) -> Contradictions | None:
+    """Return which poses contradict an arm, or an arm and two cameras.
+
+    Args:
+        model: The body.
+        observations: What is held against it, where its parameters are.
+        dataset: The measurements, for the noise that they state; none if omitted.
+
+    Returns:
+        None where the model does not say what noise its sensor has.
+    """
+    if observations.sensor not in model.noise_mixtures:
+        return None
+    poses = PoseResiduals.of(observations)
+    noise = expected_noise(model, observations.sensor, dataset)
+    return contradictions(poses, noise, covariance_of(model, poses.names))
 
 
 def most_expected(poses: int, share: float) -> int:

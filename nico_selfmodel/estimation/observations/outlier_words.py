@@ -1,5 +1,6 @@
 """Points that contradict the rest: which they are, and what they have in common."""
 
+from collections.abc import Sequence
 from math import comb
 
 import numpy as np
@@ -13,6 +14,13 @@ _FEWEST = 5
 """Poses in a row that make a standing encoder no accident."""
 _MOST_OF_MARKER = 0.3
 """A marker with so many outliers does not move with the others, or moved on the hand."""
+_NEARER = 2.0
+"""Times that an observation must be nearer to another marker to be of that one."""
+_FEWEST_EXCHANGED, _MOST_MENDED = 3, 0.5
+"""Samples with two names exchanged, and share of the outliers of the two that are so, from which on
+it is no accident."""
+EXCHANGED_CURE = "correct the labels, or what tells the two apart"
+"""What to do where two markers' names are exchanged."""
 
 
 def describe_outliers(observations: Observations, outliers: NDArray) -> str:
@@ -94,6 +102,51 @@ def foreign_markers(observations: Observations, outliers: NDArray) -> list[str]:
                 "not fixed to the last link, moved on it, or its label is not always on the same "
                 "point; leave it out"
             )
+    return found
+
+
+def exchanged_names(
+    names: Sequence[str],
+    marker: NDArray,
+    sample: NDArray,
+    outliers: NDArray,
+    told_as: NDArray,
+) -> list[str]:
+    """Say which markers' names are exchanged in part of a recording.
+
+    Two names are where most outliers of the two would be none under the other's.
+
+    Args:
+        names: Of the M markers.
+        marker: Which of them each observation is said to be of. Shape (N,).
+        sample: Sample of each observation. Shape (N,).
+        outliers: Observations that nothing explains. Boolean, shape (N,).
+        told_as: How far each would be off were it of each marker, over what is no outlier leaves at
+            most; nan where nobody asks. Shape (N, M).
+
+    Returns:
+        A sentence for each pair.
+    """
+    rows = np.flatnonzero(outliers)
+    off = np.where(np.isnan(told_as[rows]), np.inf, told_as[rows])
+    likeliest = np.argmin(off, axis=1)
+    own, least = off[np.arange(len(rows)), marker[rows]], off.min(axis=1, initial=np.inf)
+    fits = (likeliest != marker[rows]) & (least <= 1.0) & (_NEARER * least < own)
+    pairs = np.sort(np.column_stack([marker[rows], likeliest]), axis=1)
+    found = []
+    for a, b in np.unique(pairs[fits], axis=0).tolist():
+        both = np.isin(marker[rows], (a, b))
+        mended = fits & (pairs == (a, b)).all(axis=1)
+        where = np.unique(sample[rows[mended]])
+        if len(where) < _FEWEST_EXCHANGED or mended.sum() < _MOST_MENDED * both.sum():
+            continue
+        seen = len(np.unique(sample[np.isin(marker, (a, b))]))
+        pair = " and ".join(sorted(str(names[i]) for i in (a, b)))
+        found.append(
+            f"markers {pair} are exchanged in {len(where)} of {seen} samples "
+            f"({name_samples(where)}): their points fit under each other's names; "
+            f"{EXCHANGED_CURE}"
+        )
     return found
 
 

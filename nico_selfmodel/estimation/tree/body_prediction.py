@@ -15,8 +15,9 @@ from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.tree.body_model import BodyModel
-from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, Attached
+from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, Attached, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
+from nico_selfmodel.names import listed
 
 _WATCHER = "the world itself"
 
@@ -25,13 +26,13 @@ _WATCHER = "the world itself"
 class BodyPrediction:
     """Markers at poses; the pose comes first."""
 
-    p_WM: NDArray
-    """Positions [m]. Shape (N, markers, 3)."""
-    R_WM: NDArray
-    """Orientations, of markers that have one. Shape (N, markers, 3, 3)."""
+    p_FM: NDArray
+    """Positions in the frame that was asked for, W or a sensor's [m]. Shape (N, markers, 3)."""
+    R_FM: NDArray
+    """Orientations in it, of markers that have one. Shape (N, markers, 3, 3)."""
     sigma: NDArray
-    """Standard deviation of a position, rms of its coordinates, by what the body is known to and
-    by joint noise [m]. Shape (N, markers)."""
+    """Standard deviation of a position in it, rms of its coordinates, by what the body and the
+    sensor's place are known to, as one, and by joint noise [m]. Shape (N, markers)."""
     pixels: dict[str, NDArray]
     """By camera; nan out of its view [px]. Shape (N, markers, 2) each."""
     reflected: dict[tuple[str, str], NDArray]
@@ -40,36 +41,51 @@ class BodyPrediction:
 
 
 def predict_body(
-    model: BodyModel, readings: NDArray, approach: NDArray | None = None
+    model: BodyModel,
+    readings: NDArray,
+    approach: NDArray | None = None,
+    frame: str | None = None,
 ) -> BodyPrediction:
     """Predict all markers of a body.
+
+    Where a sensor sees a marker is often known far better than where either is in W: errors of the
+    world that both share cancel.
 
     Args:
         model: The body; none of its joints is a flange.
         readings: In each joint's own unit; nan of a joint without an encoder. Shape (N, n).
         approach: How each reading last changed, -1, 1, or 0 where it is not known, as all are if
             omitted: where a joint has backlash its half width is uncertain then. Shape (N, n).
+        frame: The sensor in whose frame places are told; W if omitted.
 
     Returns:
         Where they are, how surely, and where cameras would see them.
 
     Raises:
-        ValueError: If the shape is another, or a joint is a flange.
+        ValueError: If the shape is another, a joint is a flange, or there is no such sensor.
     """
     tree = model.tree
+    watcher = _watcher(tree, frame)
     if readings.ndim != 2 or readings.shape[1] != len(tree.joints):
         raise ValueError(f"readings must have shape (N, {len(tree.joints)}), got {readings.shape}")
     if FLANGE in tree.motions:
         raise ValueError("a flange's pose is read, not predicted from encoders")
     count, markers = len(readings), len(tree.markers)
-    data = replace(_asked(model, readings), approach=_sides(model, approach, readings.shape))
-    watched = replace(tree, sensors=(*tree.sensors, Attached(_WATCHER, WORLD)))
+    data = replace(
+        _asked(model, readings, watcher), approach=_sides(model, approach, readings.shape)
+    )
+    watched = tree
+    if frame is None:
+        watched = replace(tree, sensors=(*tree.sensors, watcher))
     parameters = TreeParameters(watched)
     residuals = TreeResiduals(TreeObservations.of(data), parameters)
     linear = residuals.linear(parameters.values_of(watched))
-    p_WM = linear.r.reshape(count, markers, 3)
-    motion = TreeMotion.at(tree, data.si_readings, approach=data.si_approach)
-    R_WM = np.stack([motion.pose_of(m)[0].transpose(2, 0, 1) for m in tree.markers], axis=1)
+    p_FM = linear.r.reshape(count, markers, 3)
+    motion = TreeMotion.at(watched, data.si_readings, approach=data.si_approach)
+    poses = [motion.pose_of(m) for m in tree.markers]
+    R_WM = np.stack([R.transpose(2, 0, 1) for R, _ in poses], axis=1)
+    p_WM = np.stack([p.T for _, p in poses], axis=1)
+    R_FW = np.swapaxes(motion.pose_of(watcher)[0].transpose(2, 0, 1), 1, 2)
     sigma = np.sqrt(_variance(model, parameters, linear.J, linear.by_joint, residuals) / 3.0)
     cameras = {name: _seen(motion, name, p_WM) for name in tree.lenses}
     reflected = {
@@ -77,7 +93,22 @@ def predict_body(
         for mirror in tree.mirrors
         for name in tree.lenses
     }
-    return BodyPrediction(p_WM, R_WM, sigma.reshape(count, markers), cameras, reflected)
+    sigmas = sigma.reshape(count, markers)
+    return BodyPrediction(p_FM, R_FW[:, None] @ R_WM, sigmas, cameras, reflected)
+
+
+def _watcher(tree: BodyTree, frame: str | None) -> Attached:
+    """Return the sensor in whose frame places are told, or one at the origin of W.
+
+    Raises:
+        ValueError: If there is no such sensor.
+    """
+    if frame is None:
+        return Attached(_WATCHER, WORLD)
+    names = [sensor.name for sensor in tree.sensors]
+    if frame not in names:
+        raise ValueError(f"no sensor {frame!r}; the body has {listed(names, frame) or 'none'}")
+    return tree.sensors[names.index(frame)]
 
 
 def _seen(motion: TreeMotion, camera: str, p_WQ: NDArray) -> NDArray:
@@ -137,8 +168,8 @@ def _unknown_play(model: BodyModel, data: BodyDataset) -> NDArray:
     return np.where(data.si_approach == 0.0, half, 0.0)
 
 
-def _asked(model: BodyModel, readings: NDArray) -> BodyDataset:
-    """Return the recording of something that stands at the world's origin and sees everything."""
+def _asked(model: BodyModel, readings: NDArray, watcher: Attached) -> BodyDataset:
+    """Return the recording of a tracker that sees everything, where `watcher` is."""
     tree = model.tree
     names = tree.joints
     joints = []
@@ -165,7 +196,11 @@ def _asked(model: BodyModel, readings: NDArray) -> BodyDataset:
         tuple(
             MarkerInfo(m.name, WORLD_NAME if m.on == WORLD else names[m.on]) for m in tree.markers
         ),
-        (SensorInfo(_WATCHER, POINTS),),
+        (
+            SensorInfo(
+                watcher.name, POINTS, WORLD_NAME if watcher.on == WORLD else names[watcher.on]
+            ),
+        ),
         np.arange(count),
         np.asarray(readings, dtype=float) * model.si_per_unit,
         table,

@@ -16,6 +16,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     findings,
 )
 from nico_selfmodel.estimation.tree.contradictions.contradiction_words import contradiction_findings
+from nico_selfmodel.estimation.tree.contradictions.exchanged_markers import exchanged_markers
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, REVOLUTE
@@ -45,7 +46,11 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     said += kept_words(ladder, calibration.tree.bending, calibration.at)
     doubts = [f"too few poses to test whether mirror {name!r} is flat: record ten"
               for name, test in calibration.flatness.items() if test is None]  # fmt: skip
-    doubts += [*_slip_words(calibration), *_outlier_words(calibration)]
+    doubts += [
+        *_slip_words(calibration),
+        *exchanged_markers(calibration),
+        *_outlier_words(calibration),
+    ]
     return (
         *contradiction_findings(calibration),
         *findings(MISFIT, [*_misfits(calibration), *_flange_misfits(calibration)]),

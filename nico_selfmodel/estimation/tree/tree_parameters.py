@@ -6,7 +6,7 @@ its place on its link. Gears and intrinsics are what they are. exp(w + dw) = exp
 the left Jacobian, makes every derivative exact wherever the solver stands.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
@@ -291,6 +291,33 @@ class TreeParameters:
         """Return R0 J(w) of each frame: what a turn's parameters turn on its link. (F, 3, 3)."""
         parts = values[: 6 * self.frame_count].reshape(-1, 6)
         return self.frames[:, :3, :3] @ rotation_vector_slope(parts[:, :3])
+
+    def retold(self, values: NDArray, names: Sequence[str]) -> NDArray:
+        """Return what small changes are once they are told from the frames that values lead to.
+
+        From X1 = X0 (exp(w), v), with exp(w + dw) = exp(w) exp(exp(w)' J dw):
+
+            dw' = exp(w)' J(w) dw,  dv' = exp(w)' dv
+
+        Only joints of which all six parts are named are retold: of a line two parts stay.
+
+        Args:
+            values: Of all parameters. Shape (P,).
+            names: What changes. Length k.
+
+        Returns:
+            Shape (k, k).
+        """
+        out, place = np.eye(len(names)), {name: i for i, name in enumerate(names)}
+        for i, (joint, motion) in enumerate(zip(self.base.joints, self.base.motions, strict=True)):
+            own = [place.get(f"{joint}.{part}", -1) for part in FRAME_PARTS]
+            if motion in WHOLE_POSES or min(own) < 0:
+                continue
+            w = values[6 * i : 6 * i + 3]
+            back = rotation_from_vector(w).T
+            out[np.ix_(own[:3], own[:3])] = back @ rotation_vector_slope(w)
+            out[np.ix_(own[3:], own[3:])] = back
+        return out
 
     def line_of(self, joint: str) -> frozenset[str]:
         """Return the names of what a joint's own motion tells of it."""

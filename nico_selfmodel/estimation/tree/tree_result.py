@@ -105,14 +105,16 @@ def body_model(calibration: TreeCalibration) -> BodyModel:
     joints = data.joints[: len(tree.joints)]
     # Of boards nothing is estimated but what bends, which is nothing.
     boards = tuple(f"{data.joints[i].name}." for i in data.free_joints)
-    kept = [i for i, name in enumerate(uncertainty.names) if not name.startswith(boards or "\0")]
+    names = uncertainty.names
+    kept = [i for i, name in enumerate(names) if not name.startswith(boards or "\0")]
+    # A body's parameters are told from its own frames, those of a description from its.
+    retold = calibration.parameters.retold(calibration.values, names)
+    covariance = retold @ uncertainty.covariance @ retold.T
     return BodyModel(
         calibration.name,
         tree,
         np.array([joint.si_per_unit for joint in joints]),
-        ParameterCovariance(
-            tuple(uncertainty.names[i] for i in kept), uncertainty.covariance[np.ix_(kept, kept)]
-        ),
+        ParameterCovariance(tuple(names[i] for i in kept), covariance[np.ix_(kept, kept)]),
         noise_by_name(calibration),
         _expected(calibration),
         provenance,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.arrays import frozen_array
-from nico_selfmodel.errors import ModelError
+from nico_selfmodel.errors import ImpossibleModelError, ModelError
 from nico_selfmodel.geometry.rotation import skew
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.cameras.lens_models import FisheyeLens, Lens, RadialLens
@@ -78,9 +78,9 @@ class Camera:
         object.__setattr__(self, "image_size", (width, height))
         object.__setattr__(self, "X_WC", frozen_array(self.X_WC, (4, 4), "X_WC"))
         if not np.isfinite(self.values).all():
-            raise ValueError(f"a camera's parameters must be finite, got {self.values}")
+            raise ImpossibleModelError(f"a camera's parameters must be finite, got {self.values}")
         if not (self.fx > 0.0 and self.fy > 0.0 and width > 0 and height > 0):
-            raise ValueError(
+            raise ImpossibleModelError(
                 "focal lengths and image size must be positive, got "
                 f"fx {self.fx:g}, fy {self.fy:g}, {width} x {height}"
             )
@@ -157,12 +157,13 @@ class Camera:
             Pixels and derivatives.
 
         Raises:
-            ModelError: If a point is not in front of the camera.
+            ImpossibleModelError: If a point is not in front of the camera.
         """
         p_WQ = _points(p_WQ, 3, "p_WQ").reshape(-1, 3)
         p_CQ = apply(self.X_CW, p_WQ)
         if self.lens != FISHEYE and not (p_CQ[:, 2] > 0.0).all():
-            raise ModelError(f"{int(np.sum(~(p_CQ[:, 2] > 0.0)))} points are behind the camera")
+            behind = int(np.sum(~(p_CQ[:, 2] > 0.0)))
+            raise ImpossibleModelError(f"{behind} points are behind the camera")
         pixels, by_camera_point, by_intrinsics = project_in_camera(p_CQ.T, self.values, self.lens)
         by_point = np.einsum("abn,bc->nac", by_camera_point, self.X_CW[:3, :3])
         # p_CQ = R_WC' exp(-[w]) (p_WQ - p_WC - t): d/dw = R_WC' [p_WQ - p_WC]x, d/dt = -R_WC'

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.errors import ModelError
+from nico_selfmodel.errors import ImpossibleModelError
 
 _NEWTON_STEPS = 50
 _CANCELS = 0.05
@@ -213,13 +213,14 @@ def undistort(distorted: NDArray, k: NDArray, p: NDArray) -> NDArray:
         Ideal coordinates. Shape (2, N).
 
     Raises:
-        ModelError: If a point lies where the distortion is not monotone, or Newton does not end.
+        ImpossibleModelError: If a point lies where the distortion is not monotone, or Newton does
+            not end.
     """
     if not k.any() and not p.any():
         return np.array(distorted, dtype=float)
     outside = ~within_fold(distorted, k) & np.isfinite(distorted).all(axis=0)
     if outside.any():
-        raise ModelError(
+        raise ImpossibleModelError(
             f"{int(outside.sum())} of {outside.size} points lie outside the radius where the "
             "lens distortion is monotone: no ray belongs to them; use points nearer to the "
             "image centre, or calibrate the lens with boards that reach the image's edge"
@@ -233,7 +234,9 @@ def undistort(distorted: NDArray, k: NDArray, p: NDArray) -> NDArray:
         # Quadratic convergence: the step after one this small is below rounding.
         if np.nanmax(np.abs(step), initial=0.0) < 1e-9:
             return ideal
-    raise ModelError("lens distortion could not be inverted: its coefficients are not plausible")
+    raise ImpossibleModelError(
+        "lens distortion could not be inverted: its coefficients are not plausible"
+    )
 
 
 def _undistort_radially(distorted: NDArray, k: NDArray) -> NDArray:

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.errors import ModelError
+from nico_selfmodel.errors import ImpossibleModelError
 from nico_selfmodel.model.cameras import fisheye, lens
 
 _ON_AXIS = 1e-24
@@ -173,12 +173,12 @@ class FisheyeLens:
         """Return X / Z, Y / Z.
 
         Raises:
-            ModelError: If a point lies beyond `fisheye.WIDEST`.
+            ImpossibleModelError: If a point lies beyond `fisheye.WIDEST`.
         """
         ideal = fisheye.undistort(distorted, self.k)
         lost = np.isnan(ideal).any(axis=0) & np.isfinite(distorted).all(axis=0)
         if lost.any():
-            raise ModelError(
+            raise ImpossibleModelError(
                 f"{int(lost.sum())} of {lost.size} points lie 89 deg and more off the axis of "
                 "the fisheye: they have no coordinates X / Z; use points nearer to its centre"
             )

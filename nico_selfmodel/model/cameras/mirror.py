@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.arrays import frozen_array, frozen_covariance
+from nico_selfmodel.errors import ImpossibleModelError
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflect, reflection
 from nico_selfmodel.geometry.rotation import move_on_sphere, step_on_sphere
@@ -44,7 +45,7 @@ class Mirror:
         object.__setattr__(self, "normal", normal)
         object.__setattr__(self, "distance", float(self.distance))
         if not (self.distance > 0.0 and np.isfinite(self.distance)):
-            raise ValueError(
+            raise ImpossibleModelError(
                 f"distance must be positive, got {self.distance:g}: the left camera is in front of "
                 "the glass, and the normal points to it"
             )

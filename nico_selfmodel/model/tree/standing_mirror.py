@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.arrays import frozen_array
+from nico_selfmodel.errors import ImpossibleModelError
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.rotation import move_on_sphere, step_on_sphere
 from nico_selfmodel.model.cameras.mirror import Mirror
@@ -38,7 +39,9 @@ class StandingMirror:
             if not abs(np.linalg.norm(direction) - 1.0) < 1e-9:
                 raise ValueError(f"{what} of {self.name} must have unit length, got {direction}")
         if not np.isfinite(self.plane.offset):
-            raise ValueError(f"distance of {self.name} must be finite, got {self.plane.offset}")
+            raise ImpossibleModelError(
+                f"distance of {self.name} must be finite, got {self.plane.offset}"
+            )
         object.__setattr__(self, "facing", facing)
 
     @property

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.estimation.results.unobservable_words import name_unobservable
-from nico_selfmodel.estimation.results.verdict import outliers_are_many
 from nico_selfmodel.estimation.tree.contradictions.wrong_readings import read_wrongly, seen_wrongly
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.known.known_with_errors import (
@@ -65,12 +64,12 @@ class LearnedAnew:
 
     @property
     def fits(self) -> bool:
-        """Whether the rest of the body explains what was seen, as well as it did in training."""
-        return (
-            self.misfit - self.expected < _FITS * self.spread
-            and outliers_are_many(self.set_aside) is None
-            and not (self.read_wrongly or self.seen_wrongly)
-        )
+        """Whether the rest of the body explains what was not set aside, as it did in training.
+
+        Poses that contradict are another matter, see `monitoring.body_relearning.BodyUpdate`.
+        """
+        surplus = self.misfit - self.expected
+        return surplus < _FITS * self.spread and not (self.read_wrongly or self.seen_wrongly)
 
     def body(self, model: BodyModel, name: str | None = None) -> BodyModel:
         """Return a body with what was learned in it; what else is known of it stays as it was."""
