@@ -5,7 +5,8 @@ both saw (Longuet-Higgins 1981); further ones stand where the points reconstruct
 for (resection).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +14,20 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows
-from nico_selfmodel.geometry.epipolar import RelativePose, essential, homogeneous, two_view_depths
+from nico_selfmodel.geometry.epipolar import (
+    RelativePose,
+    essential,
+    homogeneous,
+    poses_of_essential,
+    two_view_depths,
+)
 from nico_selfmodel.geometry.resection import FEWEST, robust_camera_pose
-from nico_selfmodel.geometry.rotation import move_on_sphere, rotation_from_vector
+from nico_selfmodel.geometry.rotation import (
+    move_on_sphere,
+    rotation_from_vector,
+    rotation_vector_slope,
+    skew,
+)
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.least_squares import NormalEquations, levenberg_marquardt
 from nico_selfmodel.model.cameras.camera import Camera
@@ -23,7 +35,12 @@ from nico_selfmodel.names import listed
 
 FEWEST_TOGETHER = 12
 """Markers that two cameras must have seen together."""
-_DRAWS = 300
+_DRAWS, _BATCHES = 100, 3
+_POLISHED = 8
+"""Poses of a batch of draws that are refined: the best."""
+_ROUNDS = 5
+_PLENTY = 0.9
+"""Share of pairs that agree with a pose beside which no more are drawn."""
 _WITHIN_PX = 4.0
 """Distance from the epipolar line within which a pair agrees [px]."""
 _SHARE = 0.5
@@ -47,71 +64,134 @@ def relative_pose(
     Raises:
         DataError: If no relative pose agrees with half of the pairs, or all points lie in a plane.
     """
-    best: tuple[int, RelativePose] | None = None
-    for _ in range(_DRAWS):
-        chosen = rng.choice(len(first), 8, replace=False)
-        try:
-            pose = RelativePose.from_points(first[chosen], second[chosen])
-        except ValueError:  # these eight lie in one plane
-            continue
-        agree = int(_agreeing(pose.rotation, pose.translation, first, second, within).sum())
-        if best is None or agree > best[0]:
-            best = (agree, pose)
-            if agree > 0.9 * len(first):
-                break
+    best: _Pose | None = None
+    for _ in range(_BATCHES):
+        drawn = sorted(_drawn(first, second, within, rng), key=lambda pose: pose.cost)
+        polished = [pose.polished(first, second, within) for pose in drawn[:_POLISHED]]
+        best = min(
+            (best, *polished) if best else polished, key=lambda pose: pose.cost, default=None
+        )
+        if best is not None and best.agree.mean() > _PLENTY:
+            break
     if best is None:
         raise DataError(
             "all markers that two cameras saw together lie in one plane, which leaves their "
             "relative pose open: let the markers move in depth, or say where the cameras are"
         )
-    R, t = best[1].rotation, best[1].translation
-    for _ in range(3):
-        agree = _agreeing(R, t, first, second, within)
-        if agree.sum() < 8:
-            break
-        R, t = _refined(R, t, first[agree], second[agree])
-    agree = _agreeing(R, t, first, second, within)
-    if agree.mean() < _SHARE:
+    if best.agree.mean() < _SHARE:
         raise DataError(
-            f"two cameras contradict each other: no relative pose puts more than {agree.mean():.0%}"
-            " of the markers that both saw on their epipolar lines; check their lenses, that "
-            "neither moved, and that their pictures belong together"
+            "two cameras contradict each other: no relative pose puts more than "
+            f"{best.agree.mean():.0%} of the markers that both saw on their epipolar lines; check "
+            "their lenses, that neither moved, and that their pictures belong together"
         )
-    return inverse(transform(R, t)), agree
+    return inverse(transform(best.R, best.t)), best.agree
+
+
+@dataclass(frozen=True, eq=False)
+class _Pose:
+    """A relative pose, p_B = R p_A + t, and what speaks for it."""
+
+    R: NDArray
+    t: NDArray
+    agree: NDArray
+    """Pairs that are before both cameras and within reach of their epipolar lines. Shape (N,)."""
+    cost: float
+    """Sum of squared distances of these; of all others that of one out of reach (MSAC, Torr 2000).
+    How many agree does not tell a pose from one that leaves ten times as much."""
+
+    @classmethod
+    def of(cls, R: NDArray, t: NDArray, a: NDArray, b: NDArray, within: float) -> "_Pose":
+        """Hold a pose against pairs."""
+        off = _sampson(essential(R, t), a, b)[0]
+        agree = (np.abs(off) < within) & (two_view_depths(R, t, a, b) > 0.0).all(axis=1)
+        return cls(R, t, agree, float(np.sum(np.where(agree, off**2, within**2))))
+
+    def polished(self, a: NDArray, b: NDArray, within: float) -> "_Pose":
+        """Refine by what agrees, while that costs less.
+
+        Eight pairs of little depth tell a pose badly: the best that is drawn is not yet one that
+        most agree with (locally optimised RANSAC, Chum 2003).
+        """
+        best = self
+        for _ in range(_ROUNDS):
+            if best.agree.sum() < 8:
+                break
+            refined = _refined(best.R, best.t, a[best.agree], b[best.agree])
+            found = _Pose.of(*_before_both(*refined, a, b), a, b, within)
+            if found.cost >= best.cost:
+                break
+            best = found
+        return best
+
+
+def _drawn(
+    first: NDArray, second: NDArray, within: float, rng: np.random.Generator
+) -> Iterator[_Pose]:
+    """Yield poses of eight pairs each, but of those that lie in one plane."""
+    for _ in range(_DRAWS):
+        chosen = rng.choice(len(first), 8, replace=False)
+        try:
+            pose = RelativePose.from_points(first[chosen], second[chosen])
+        except ValueError:
+            continue
+        yield _Pose.of(pose.rotation, pose.translation, first, second, within)
 
 
 def _refined(R: NDArray, t: NDArray, a: NDArray, b: NDArray) -> tuple[NDArray, NDArray]:
     """Minimise Sampson's distances by turn (3) and baseline direction (2)."""
 
-    def at(x: NDArray) -> tuple[NDArray, NDArray]:
-        return rotation_from_vector(x[:3]) @ R, move_on_sphere(t, x[3:])[0]
-
     def evaluate(x: NDArray) -> NormalEquations:
-        r = _sampson(*at(x), a, b)
-        steps = 1e-7 * np.eye(5)
-        J = np.stack(
-            [(_sampson(*at(x + d), a, b) - _sampson(*at(x - d), a, b)) / 2e-7 for d in steps],
-            axis=1,
+        turned, (moved, along) = rotation_from_vector(x[:3]) @ R, move_on_sphere(t, x[3:])
+        # exp([v + dv]) = exp([J dv]) exp([v]), so that dE = [t]x [J e_i]x R, and [dt]x R.
+        turns = skew(moved) @ skew(rotation_vector_slope(x[:3]).T) @ turned
+        r, J = _sampson(
+            essential(turned, moved), a, b, np.concatenate([turns, skew(along.T) @ turned])
         )
         return 0.5 * float(r @ r), J.T @ r, J.T @ J
 
     found = levenberg_marquardt(evaluate, np.zeros(5), max_iterations=15, tolerance=1e-8)
-    turned, moved = at(found.x)
-    return turned, moved / np.linalg.norm(moved)
+    moved = move_on_sphere(t, found.x[3:])[0]
+    return rotation_from_vector(found.x[:3]) @ R, moved / np.linalg.norm(moved)
 
 
-def _sampson(R: NDArray, t: NDArray, a: NDArray, b: NDArray) -> NDArray:
-    """Return x_2' E x_1 / |its slope|, first-order distances from the epipolar lines. (N,)."""
-    E = essential(R, t)
+def _before_both(R: NDArray, t: NDArray, a: NDArray, b: NDArray) -> tuple[NDArray, NDArray]:
+    """Return the pose of the same essential matrix that has most points before both cameras.
+
+    Sampson's distances do not tell the four apart, and a step of theirs may lead from one to
+    another.
+    """
+    return max(
+        poses_of_essential(essential(R, t)),
+        key=lambda pose: int((two_view_depths(*pose, a, b) > 0.0).all(axis=1).sum()),
+    )
+
+
+def _sampson(
+    E: NDArray, a: NDArray, b: NDArray, dE: NDArray | None = None
+) -> tuple[NDArray, NDArray]:
+    """Return first-order distances from the epipolar lines, and their derivatives.
+
+    r = e / s with e = y' E x and s^2 = (E x)_1^2 + (E x)_2^2 + (E' y)_1^2 + (E' y)_2^2 (Sampson
+    1982; Hartley and Zisserman 2004, 11.4.3), and dr = de / s - r ds / s.
+
+    Args:
+        E: Essential matrix. Shape (3, 3).
+        a: Ideal image coordinates x in the first camera. Shape (N, 2).
+        b: y in the second. Shape (N, 2).
+        dE: Derivatives of E; none if omitted. Shape (P, 3, 3).
+
+    Returns:
+        r, shape (N,), and dr, shape (N, P).
+    """
     x, y = homogeneous(a), homogeneous(b)
-    forth, back = x @ E.T, y @ E
-    slope = np.sum(forth[:, :2] ** 2, axis=1) + np.sum(back[:, :2] ** 2, axis=1)
-    return np.sum(y * forth, axis=1) / np.sqrt(np.maximum(slope, 1e-300))
-
-
-def _agreeing(R: NDArray, t: NDArray, a: NDArray, b: NDArray, within: float) -> NDArray:
-    near = np.abs(_sampson(R, t, a, b)) < within
-    return near & (two_view_depths(R, t, a, b) > 0.0).all(axis=1)
+    lines = np.hstack([(x @ E.T)[:, :2], (y @ E)[:, :2]])
+    s = np.sqrt(np.maximum(np.sum(lines**2, axis=1), 1e-300))
+    r = np.sum(y * (x @ E.T), axis=1) / s
+    changes = np.zeros((0, 3, 3)) if dE is None else dE
+    forth, back = x @ changes.swapaxes(1, 2), y @ changes
+    both = np.concatenate([forth[..., :2], back[..., :2]], axis=2)
+    ds = np.sum(both * lines, axis=2) / s
+    return r, ((np.sum(forth * y, axis=2) - r * ds) / s).T
 
 
 def cameras_from_markers(
