@@ -173,7 +173,8 @@ def _exchanged_words(calibration: KinematicCalibration) -> list[str]:
     each = (np.full(len(rows), m) for m in range(len(rows.markers)))
     predicted = [arm.predict(rows.angles, one, rows.approach)[0] for one in each]
     told_as = np.linalg.norm(rows.p_WH - np.stack(predicted), axis=2).T
-    most = told_as[np.arange(len(rows)), rows.marker][~wrong].max()
+    # Points that are met exactly leave nothing, and nothing is divided by.
+    most = max(told_as[np.arange(len(rows)), rows.marker][~wrong].max(), np.finfo(float).tiny)
     return exchanged_names(rows.markers, rows.marker, rows.sample, wrong, told_as / most)
 
 

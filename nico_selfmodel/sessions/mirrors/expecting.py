@@ -48,8 +48,8 @@ class Unknown:
     color: float = APPEARANCE_SIGMA
     """Of colours and light, as a share of the grey level."""
     colors: Mapping[str, float] = field(default_factory=dict)
-    """Link -> the same of one that is less well known: light that grazes a surface becomes another
-    where it is turned by a degree."""
+    """Link -> the same of one that is less well known: how the robot is turned to the light, which
+    stands in the room, counts for one more than for another."""
 
     def __post_init__(self) -> None:
         """Make the mappings read-only."""

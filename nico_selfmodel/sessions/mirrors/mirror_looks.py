@@ -53,9 +53,9 @@ def least_unknown(told: Callable[[float], Told]) -> Unknown:
 
     Of several sigmas of its place those count that leave nothing of the link even weakly
     surprising, for what is wrong there is wrong in every look, and noise adds to it; of them the
-    likeliest. Where there is none its colours are known less, by as little as leaves one: light
-    that grazes a surface becomes another where that is turned by a degree. Where that leaves none
-    the largest counts of its place.
+    likeliest. Where there is none its colours are known less, by as little as leaves one: the light
+    stands in the room, and is taken to stand with the robot, which may be turned there by some
+    degrees. Where that leaves none the largest counts of its place.
 
     Args:
         told: What looks tell where colours are known to a share; asked for more as needed.
@@ -243,7 +243,7 @@ class MirrorLooks:
             for side, picture in enumerate(self._pictures())
         ]
 
-    def _told(self, looks: Sequence[tuple[int, NDArray, LabelledPicture]], color: float) -> "Told":
+    def _told(self, looks: Sequence[tuple[int, NDArray, LabelledPicture]], color: float) -> Told:
         """Return what looks tell of each of `POINTS`, with colours known to a share."""
         shape = len(POINTS), max(self._image.links) + 1
         likely, counts, surprising = np.zeros(shape), np.zeros(shape), np.zeros(shape, dtype=bool)

@@ -87,7 +87,7 @@ def _ladder(bending: Mapping[str, Any]) -> Table:
             (
                 number_cell(step[f"before_{unit}"], 3),
                 number_cell(step[f"after_{unit}"], 3),
-                Cell(f"{100 * step['gain']:.1f} %", f"{100 * step['gain_sigma']:.1f}"),
+                Cell(f"{100 * step['gain']:z.1f} %", f"{100 * step['gain_sigma']:.1f}"),
                 number_cell(step["evidence"], 1),
             ),
         )
