@@ -192,3 +192,36 @@ def test_sources_that_are_none_are_explained(tmp_path):
     with pytest.raises(CameraLostError, match="not an image that can be read") as caught:
         StereoCapture(tmp_path / "empty", tmp_path / "empty", SIZE).open()
     assert isinstance(caught.value.__cause__, DataError)
+
+
+class Scripted:
+    """A source that gives pictures and then fails, each after a while."""
+
+    def __init__(self, pictures, after, error):
+        self.name, self._left, self._after, self._error = "scripted", pictures, after, error
+
+    def read(self):
+        time.sleep(self._after)
+        if self._left == 0:
+            raise CameraLostError(self._error)
+        self._left -= 1
+        return time.monotonic(), grey(1)
+
+    def close(self):
+        pass
+
+
+@pytest.mark.parametrize("first", ["left", "right"])
+def test_a_camera_that_gave_nothing_says_why_however_late_it_fails(first):
+    ended, broken = Scripted(1, 0.0, "all shown"), Scripted(0, 0.2, "not readable")
+    sources = (ended, broken) if first == "left" else (broken, ended)
+    with pytest.raises(CameraLostError, match="not readable"):
+        StereoCapture(*(lambda _, one=one: one for one in sources), SIZE).open()
+
+
+def test_a_camera_that_hangs_does_not_hide_that_the_other_failed():
+    hangs, broken = Scripted(0, 1.0, "late"), Scripted(0, 0.0, "not readable")
+    begin = time.monotonic()
+    with pytest.raises(CameraLostError, match="not readable"):
+        StereoCapture(lambda _: hangs, lambda _: broken, SIZE, patience=0.2).open()
+    assert time.monotonic() - begin < 0.9

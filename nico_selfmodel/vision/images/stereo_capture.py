@@ -163,8 +163,7 @@ class StereoCapture:
 
     def _pair(self) -> StereoPair | None:
         """Return the newest pictures that were taken at one time, None if there are none yet."""
-        for camera in self._cameras:
-            camera.check()
+        self._check()
         left, right = ([*camera.pictures] for camera in self._cameras)
         pairs = [(a, b) for a in left for b in right if abs(a.taken - b.taken) <= self.tolerance]
         if not pairs:
@@ -174,6 +173,21 @@ class StereoCapture:
             camera.note(picture.taken)
         self._last = StereoPair((a.image, b.image), (a.taken, b.taken))
         return self._last
+
+    def _check(self) -> None:
+        """Raise what a camera failed with; of two, what that failed with which gave nothing.
+
+        While one has neither given a picture nor failed it may still say why there is no pair: of
+        one picture beside an unreadable one, not that the one has been shown.
+        """
+        failed = [camera for camera in self._cameras if camera.failed_at is not None]
+        if not failed:
+            return
+        waiting = any(c.newest is None and c.failed_at is None for c in self._cameras)
+        since = min(camera.failed_at or 0.0 for camera in failed)
+        if waiting and time.monotonic() - since < self.patience:
+            return
+        min(failed, key=lambda camera: camera.newest is not None).check()
 
     def _why(self) -> str:
         now, newest = time.monotonic(), [camera.newest for camera in self._cameras]
@@ -204,6 +218,8 @@ class _Camera:
         self.count = self.used = 0
         self._last_used = -1.0
         self._failure: BaseException | None = None
+        self.failed_at: float | None = None
+        """When the thread failed [s, monotonic]."""
         self._ending = False
         self._thread = threading.Thread(target=self._run, name=f"{side} camera", daemon=True)
 
@@ -248,7 +264,7 @@ class _Camera:
                 self.pictures.append(_Picture(taken, image))
                 self.count += 1
         except Exception as error:  # whatever it is, whoever uses the cameras must see it
-            self._failure = error
+            self._failure, self.failed_at = error, time.monotonic()
         finally:
             with suppress(SelfModelError, OSError):
                 self.source.close()
