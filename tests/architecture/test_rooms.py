@@ -6,6 +6,7 @@ import-linter sees `pydrake` as one package; here each part of Drake has its roo
 import ast
 import sys
 import tomllib
+from graphlib import CycleError, TopologicalSorter
 
 # What a room may import besides the standard library and the floors below it.
 ALLOWED = {
@@ -133,3 +134,36 @@ def test_no_room_hides_an_import_from_the_contracts(sources):
         or (isinstance(node, ast.Name) and node.id in {"import_module", "__import__"})
     ]
     assert hidden == []
+
+
+def circle_of(trees):
+    """Return files that import each other in a circle, for types alone too; empty if none do.
+
+    Args:
+        trees: Parsed files by their dotted names.
+    """
+    graph = {
+        name: {module for _, module in imported_modules(tree) if module in trees}
+        for name, tree in trees.items()
+    }
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+def test_the_check_of_circles_sees_imports_for_types():
+    load = ast.parse("if TYPE_CHECKING:\n    from a.motion import Motion")
+    motion = ast.parse("from a.load import Load")
+    assert set(circle_of({"a.load": load, "a.motion": motion})) == {"a.load", "a.motion"}
+    assert circle_of({"a.load": ast.parse("import numpy"), "a.motion": motion}) == []
+
+
+def test_no_files_import_each_other_in_a_circle(sources):
+    trees = {
+        ".".join(("nico_selfmodel", *source.path.with_suffix("").parts)): source.tree
+        for source in sources
+        if source.path.name != "__init__.py"
+    }
+    assert circle_of(trees) == []

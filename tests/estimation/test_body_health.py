@@ -15,7 +15,7 @@ from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.arm.bending import SAG, Bending
 from nico_selfmodel.model.tree.body_model import BodyModel
-from nico_selfmodel.model.tree.tree_load import tree_rods
+from nico_selfmodel.model.tree.spread_weight import tree_rods
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.sessions import whole_body
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS

@@ -11,7 +11,7 @@ from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.arm.loaded_posture import loaded
 from nico_selfmodel.model.arm.uniform_rods import uniform_rods
 from nico_selfmodel.model.tree.body_tree import PRISMATIC, REVOLUTE, Attached, BodyTree
-from nico_selfmodel.model.tree.tree_load import tree_rods
+from nico_selfmodel.model.tree.spread_weight import tree_rods
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
 UP = np.array([0.0, 0.6, 0.8])

@@ -13,7 +13,7 @@ from nico_selfmodel.dataset.body.link_joint import LinkJoint
 from nico_selfmodel.dataset.body.sensors import MarkerInfo, SensorInfo
 from nico_selfmodel.estimation.tree.tree_setup import blank_body
 from nico_selfmodel.model.arm.bending import Bending
-from nico_selfmodel.model.tree.tree_load import tree_loads, tree_rods
+from nico_selfmodel.model.tree.spread_weight import tree_loads, tree_rods
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.plant.described_body import described_body, described_masses
 

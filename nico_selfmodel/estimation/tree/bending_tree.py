@@ -25,7 +25,7 @@ from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.estimation.tree.weighed_tree import PLACES, TreePosture, WeighedTree, lengths
 from nico_selfmodel.model.arm.bending import COUPLING, LOADS, Bending
 from nico_selfmodel.model.tree.body_tree import REVOLUTE, BodyTree
-from nico_selfmodel.model.tree.tree_load import tree_loads, tree_rods
+from nico_selfmodel.model.tree.spread_weight import tree_loads, tree_rods
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.optimization.losses import robust_scale
 

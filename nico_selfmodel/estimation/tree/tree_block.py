@@ -1,18 +1,17 @@
 """Residuals of a body by what is free of it, as a program solves them."""
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.pose_noise import PoseWhitening
 from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
+from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.least_squares import NormalEquations
 from nico_selfmodel.optimization.residual_block import SummedBlock
-
-if TYPE_CHECKING:
-    from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 
 
 class TreeBlock(SummedBlock):
@@ -20,29 +19,31 @@ class TreeBlock(SummedBlock):
 
     def __init__(
         self,
-        problem: "TreeProblem",
-        values: NDArray,
+        observations: TreeObservations,
+        free: tuple[tuple[str, ...], NDArray],
+        linear: Callable[[NDArray], TreeLinear],
+        scale: NDArray,
         whitening: PoseWhitening | None,
         pulled: NDArray | None = None,
     ) -> None:
         """Prepare.
 
         Args:
-            problem: What is solved.
-            values: Of all parameters; those that are not free stay. Shape (P,).
+            observations: What was seen.
+            free: Names of what is free, and its columns among all parameters. Shape (p,).
+            linear: Maps what is free, shape (p,), to residuals and derivatives by all parameters.
+            scale: Standard deviation of each scalar's sensor. Shape (R,).
             whitening: Of poses; each sensor is weighed by itself if None.
             pulled: `TreeLinear.pulled` where the weights are from. Shape (R,).
         """
-        self._pulled = pulled
-        self._problem, self._values, self._whitening = problem, values, whitening
-        self.names = problem.free_names
-        tree = problem.residuals.parameters.tree_of(values)
-        self._start = problem.residuals.whole_poses(tree, problem.poses)
-        keep = np.ones(len(problem.observations.row), dtype=bool)
+        self.names, self._columns = free
+        self._linear, self._scale = linear, scale
+        self._whitening, self._pulled = whitening, pulled
+        keep = np.ones(len(observations.row), dtype=bool)
         if whitening is not None:
             keep[:] = False
             keep[whitening.groups.rows] = True
-        self._apart = PosesApart.of(problem.observations, keep)
+        self._apart = PosesApart.of(observations, keep)
 
     def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
         """Return residuals, shape (1, R), and derivatives, shape (p, 1, R)."""
@@ -64,19 +65,16 @@ class TreeBlock(SummedBlock):
 
     def _scaled(self, x: NDArray) -> NDArray:
         """Return residuals, then derivatives, in their sensors' sigmas. Shape (1 + p, R)."""
-        problem = self._problem
-        values = self._values.copy()
-        values[problem.columns] = x
-        linear = problem.linear_at(values, self._start)
+        linear = self._linear(x)
         r = linear.r
         if linear.pulled is not None and self._pulled is not None:
             # Frozen like the weights: what is left then has the derivatives J.
             r = r + linear.pulled - self._pulled
-        both = np.empty((1 + len(problem.columns), len(r)))
+        both = np.empty((1 + len(self._columns), len(r)))
         both[0], J = r, both[1:]
-        np.take(linear.J, problem.columns, axis=0, out=J)
-        left = self._apart.eliminated(replace(linear, r=both[0], J=J), problem.scale)
+        np.take(linear.J, self._columns, axis=0, out=J)
+        left = self._apart.eliminated(replace(linear, r=both[0], J=J), self._scale)
         if left.J is not J:
             both[0], both[1:] = left.r, left.J
-        both /= problem.scale
+        both /= self._scale
         return both

@@ -27,7 +27,7 @@ from nico_selfmodel.estimation.tree.tree_block import TreeBlock
 from nico_selfmodel.estimation.tree.tree_noise import likeliest_noise
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
-from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
+from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 from nico_selfmodel.optimization.losses import Loss, robust_scale
 
 _ROUNDS = 6
@@ -86,7 +86,14 @@ class TreeProblem:
         """Return the program about some values, with its priors. Shapes (P,) and (R,)."""
         program = CalibrationProgram()
         program.add_variables(self.free_names, values[self.columns])
-        program.add_residuals(TreeBlock(self, values, whitening, pulled))
+        start = self.residuals.whole_poses(self.residuals.parameters.tree_of(values), self.poses)
+
+        def linear(x: NDArray) -> TreeLinear:
+            return self.linear_at(self._with(values, x), start)
+
+        free = self.free_names, self.columns
+        block = TreeBlock(self.observations, free, linear, self.scale, whitening, pulled)
+        program.add_residuals(block)
         for name, (mean, sigma) in self.priors.items():
             program.add_prior(name, mean, sigma)
         return program
@@ -142,7 +149,7 @@ class TreeProblem:
             program = self.program(values, self._boards_free(values))
             program.set_loss(0, Loss(), weight)
             solution = program.solve(max_iterations=_ROUGH_STEPS, tolerance=1e-5)
-            values = self._with(values, solution)
+            values = self._with(values, solution.x)
         return values, self._cauchy(values)[1]
 
     def _cauchy(self, values: NDArray) -> tuple[NDArray, float]:
@@ -190,7 +197,7 @@ class TreeProblem:
             solution = self.program(values, whitening, linear.pulled).solve(
                 max_iterations=_STEPS_BETWEEN, tolerance=1e-7
             )
-            values, steps = self._with(values, solution), steps + solution.iterations
+            values, steps = self._with(values, solution.x), steps + solution.iterations
             linear = self._about_poses(values, groups, slipped, found)
             now_slipped, now_found = slipped, found
             if known and trim:
@@ -238,18 +245,13 @@ class TreeProblem:
         self.residuals, self._last = self.residuals.erring(errors), None
 
     def _finish(
-        self,
-        values: NDArray,
-        slipped: NDArray,
-        outliers: NDArray,
-        known: bool,
-        steps: int = 0,
+        self, values: NDArray, slipped: NDArray, outliers: NDArray, known: bool, steps: int = 0
     ) -> TreeSolution:
         groups = self.observations.groups(outliers)
         linear = self._about_poses(values, groups, slipped, outliers)
         whitening = self._whitening(linear, groups, slipped)
         solution = self.program(values, whitening, linear.pulled).solve(tolerance=1e-8)
-        values = self._with(values, solution)
+        values = self._with(values, solution.x)
         rows, white = self._whitened(values, outliers, slipped)
         prior = np.zeros((len(self.priors), len(self.free_names)))
         rest = np.zeros(len(self.priors))
@@ -328,9 +330,9 @@ class TreeProblem:
         linear = self._linear(solution.values, solution.outliers)
         return self._likeliest(linear, groups, slipped, solution.values)
 
-    def _with(self, values: NDArray, solution: ProgramSolution) -> NDArray:
+    def _with(self, values: NDArray, x: NDArray) -> NDArray:
         out = values.copy()
-        out[self.columns] = solution.x
+        out[self.columns] = x
         return out
 
     def _outlying(self, values: NDArray) -> NDArray:
@@ -392,6 +394,6 @@ class TreeProblem:
 def _regrouped(slipped: NDArray, old: PoseGroups, new: PoseGroups) -> NDArray:
     """Return what slipped by the visits that still count."""
     out = np.zeros((new.poses, slipped.shape[1]), dtype=bool)
-    common, a, b = np.intersect1d(old.numbers, new.numbers, return_indices=True)
+    _, a, b = np.intersect1d(old.numbers, new.numbers, return_indices=True)
     out[b] = slipped[a]
-    return out if len(common) else np.zeros_like(out)
+    return out

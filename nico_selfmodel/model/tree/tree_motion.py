@@ -31,7 +31,7 @@ class TreeMotion:
     p_WL: NDArray
     """Origins of the links [m]; the last is the world's. Shape (n + 1, 3, N)."""
 
-    load: "TreeLoad | None" = None
+    load: TreeLoad | None = None
     """Of a body that bends."""
 
     @classmethod
@@ -58,7 +58,7 @@ class TreeMotion:
         rigid = cls._moved(tree, tree.displacements(readings), flanges, None)
         if tree.bending is None:
             return rigid
-        load = TreeLoad.of(tree.bending, rigid, readings, approach)
+        load = TreeLoad.of(tree, tree.bending, rigid.R_WJ, rigid.R_WL[:-1], readings, approach)
         q = (load.q + tree.bending.turns(load.q, load.moments, load.approach)) @ tree.coupling.T
         moved = cls._moved(tree, q, flanges, load.bearings)
         return replace(moved, load=load)

@@ -151,7 +151,7 @@ def by_bends(motion: TreeMotion, read: NDArray, across: NDArray, pose: NDArray) 
     frames = load.before[:, pose], load.after[:, pose], load.moments[:, pose]
     at = Bent(
         *(load.q[pose], load.approach[pose], *frames, by_turn, (x, y), (shifts[0], shifts[1])),
-        carries=carries(motion),
+        carries=carries(motion.tree),
         drives=tree.coupling,
     )
     return bending_slopes(tree.bending, at).transpose(2, 1, 0)

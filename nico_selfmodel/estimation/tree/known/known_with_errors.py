@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.model.arm.bending import SAG, Bending
 from nico_selfmodel.model.tree.body_tree import PRISMATIC, REVOLUTE, BodyTree
-from nico_selfmodel.model.tree.tree_load import tree_rods
+from nico_selfmodel.model.tree.spread_weight import tree_rods
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
 _GRID = 21
