@@ -125,7 +125,7 @@ Lens = Annotated[
     typer.Option(
         "--lens",
         help="What bends light: polynomial (k1 to k3), rational (k1 to k6), fisheye, or auto: what "
-        "boards that were left out gain from.",
+        "boards that were left out gain from. Of cameras that differ: left=fisheye,right=rational.",
     ),
 ]
 FixedAspect = Annotated[bool, typer.Option("--fixed-aspect", help="Hold fx and fy equal.")]

@@ -25,8 +25,8 @@ class BoardViews:
     """What the cameras are called: of a pair `left` and `right`. Length C."""
     pixels: NDArray
     """Corners, u and v of each camera in turn; nan where not seen [px]. Shape (V, P, 2 C)."""
-    image_size: tuple[int, int]
-    """Width and height [px]."""
+    image_sizes: tuple[tuple[int, int], ...]
+    """Width and height of each camera's images [px]. Length C."""
 
     def __post_init__(self) -> None:
         """Check shapes and make the arrays read-only."""
@@ -42,6 +42,10 @@ class BoardViews:
             raise ValueError(f"views must have names of their own, got {self.names}")
         if not self.cameras or len(set(self.cameras)) != len(self.cameras):
             raise ValueError(f"cameras must have names of their own, got {self.cameras}")
+        sizes = tuple((int(width), int(height)) for width, height in self.image_sizes)
+        if len(sizes) != len(self.cameras):
+            raise ValueError(f"{len(self.cameras)} cameras have as many sizes, got {sizes}")
+        object.__setattr__(self, "image_sizes", sizes)
         for camera in self.cameras:
             check_name(camera, "names of cameras")
             if "." in camera:
@@ -62,6 +66,10 @@ class BoardViews:
         column = 2 * self.cameras.index(side)
         return self.pixels[:, :, column : column + 2]
 
+    def size_of(self, camera: str) -> tuple[int, int]:
+        """Return width and height of one camera's images [px]."""
+        return self.image_sizes[self.cameras.index(camera)]
+
     def placeable(self) -> "BoardViews":
         """Return the views without what cannot place a board.
 
@@ -80,7 +88,8 @@ class BoardViews:
     def pair(self, first: str, second: str) -> "BoardViews":
         """Return what two cameras saw, in all views."""
         both = np.concatenate([self.of_camera(first), self.of_camera(second)], axis=2)
-        return replace(self, cameras=(first, second), pixels=both)
+        sizes = (self.size_of(first), self.size_of(second))
+        return replace(self, cameras=(first, second), pixels=both, image_sizes=sizes)
 
     def select(self, rows: ArrayLike | Sequence[int]) -> "BoardViews":
         """Return some views, chosen by index or by a boolean mask."""
@@ -89,7 +98,8 @@ class BoardViews:
 
     def only(self, side: str) -> "BoardViews":
         """Return what one camera saw, without the views in which it saw nothing."""
-        alone = replace(self, cameras=(side,), pixels=self.of_camera(side))
+        sizes = (self.size_of(side),)
+        alone = replace(self, cameras=(side,), pixels=self.of_camera(side), image_sizes=sizes)
         return alone.select(alone.seen.any(axis=(1, 2)))
 
     def split(self, fraction: float, seed: int) -> tuple["BoardViews", "BoardViews"]:

@@ -20,7 +20,6 @@ from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
-from nico_selfmodel.model.cameras.projection import POLYNOMIAL
 from nico_selfmodel.model.cameras.rig_parameters import SIDES, rig_names
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.noise_mixture import NoiseMixture, mixtures_of
@@ -208,8 +207,8 @@ class SelfModel:
         arm = self.parameters.names if self.has_arm else ()
         cameras = self.camera_names
         mirrors = tuple(name for mirror in self.mirrors for name in Mirror.names_of(mirror))
-        lens = self.cameras[cameras[0]].lens if cameras else POLYNOMIAL
-        return (*arm, *rig_names(cameras, lens), *mirrors)
+        lenses = [self.cameras[name].lens for name in cameras]
+        return (*arm, *rig_names(cameras, lenses), *mirrors)
 
     @cached_property
     def chain(self) -> Chain:

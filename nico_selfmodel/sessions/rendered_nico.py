@@ -200,7 +200,7 @@ class RenderedNico:
                 f"{count} are wanted"
             )
         names = tuple(f"{i + 1:02d}" for i in range(count))
-        return BoardViews(BOARD.points, names, SIDES, np.array(pixels), size)
+        return BoardViews(BOARD.points, names, SIDES, np.array(pixels), (size, size))
 
 
 def _observed(body: StationBody, station: NicoStation) -> ObservedBody:

@@ -107,4 +107,4 @@ def _views(data: BodyDataset, sensor: int, cards: Sequence[TagCard]) -> BoardVie
     pixels[table.pose[own], card[own], corner[own]] = table.values[own, :2]
     seen = np.isfinite(pixels[..., 0]).sum(axis=2) >= _FEWEST
     views = [f"{data.sample[pose]}_{c}" for pose, c in np.argwhere(seen)]
-    return BoardViews(cards[0].p_KT, tuple(views), (info.name,), pixels[seen], info.image_size)
+    return BoardViews(cards[0].p_KT, tuple(views), (info.name,), pixels[seen], (info.image_size,))

@@ -47,7 +47,7 @@ def opencv_peer(views, tangential):
 
     def calibrate():
         return cv2.stereoCalibrate(
-            board, left, right, *nothing, views.image_size, flags=flags, criteria=END
+            board, left, right, *nothing, views.image_sizes[0], flags=flags, criteria=END
         )
 
     return calibrate
@@ -83,7 +83,7 @@ def opencv_of_one(views, lens):
     corners = [p.astype(np.float32)[:, None] for p in views.pixels]
     board = [views.p_GQ.astype(np.float32)] * len(views)
     return lambda: cv2.calibrateCamera(
-        board, corners, views.image_size, None, None, flags=flags, criteria=END
+        board, corners, views.image_sizes[0], None, None, flags=flags, criteria=END
     )
 
 

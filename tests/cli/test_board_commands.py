@@ -99,6 +99,28 @@ def test_cameras_are_named_by_patterns(photographs, tmp_path, command):
     assert list(load_model(tmp_path / "rig").cameras) == ["a", "b"]
 
 
+@pytest.mark.slow
+def test_cameras_with_images_of_two_sizes_are_a_rig(photographs, tmp_path, command):
+    other = tmp_path / "cut"
+    shutil.copytree(photographs / "cam0", other / "wide")
+    (other / "small").mkdir()
+    for path in (photographs / "cam1").glob("00[0-7].png"):
+        cv2.imwrite(str(other / "small" / path.name), cv2.imread(str(path))[30:570, 40:760])
+    out = tmp_path / "rig"
+    words = (*BOARD, "--lens", "small=rational,wide=polynomial", "--out", out)
+    done = command("calibrate", "cameras", other, *words)
+    assert done.returncode in (0, 1), done.stderr
+    cameras = load_model(out).cameras
+    assert [cameras[name].image_size for name in ("wide", "small")] == [(800, 600), (720, 540)]
+    assert [cameras[name].lens for name in ("wide", "small")] == ["polynomial", "rational"]
+    assert cameras["small"].cx - cameras["wide"].cx == pytest.approx(-40.0, abs=2.0)
+    assert json.loads((out / "result.json").read_text())["lens"]["kind"] == (
+        "small=rational,wide=polynomial"
+    )
+    page = (out / "report.html").read_text()
+    assert "small 720 x 540 px, wide 800 x 600 px" in page
+
+
 def test_detect_tells_which_corners_it_saw(photographs, tmp_path, command):
     out = tmp_path / "seen"
     image = photographs / "cam0" / "001.png"
@@ -119,6 +141,7 @@ def test_wrong_words_are_one_line(photographs, tmp_path, command):
     camera = ("calibrate", "camera", left, *to, "--square-mm", "25")
     stereo = ("calibrate", "stereo", *BOARD, *to)
     rig, third = ("calibrate", "cameras", *BOARD, *to), f"{photographs}/cam2/0[01][0289].png"
+    two = ("--images", f"a={left}", "--images", f"b={photographs}/cam1/00[0-2].png")
     sheet = ("markers", "board", "--out", tmp_path / "b.pdf")
     cases = [
         ((*camera, "--board", "charucco:7x5"), "did you mean 'charuco'"),
@@ -131,6 +154,11 @@ def test_wrong_words_are_one_line(photographs, tmp_path, command):
         ((*rig, "--images", left), "give NAME=PATTERN"),
         ((*rig, "--images", f"a={left}", "--images", f"a={left}"), "another camera a"),
         ((*rig, "--images", f"a={left}", "--images", f"b={third}"), "boards in common"),
+        ((*camera, *BOARD[:2], "--lens", "round"), "there are auto, polynomial, rational, fisheye"),
+        ((*camera, *BOARD[:2], "--lens", "left=round"), "no lens 'round' of 'left'"),
+        ((*camera, *BOARD[:2], "--lens", "left=fisheye,"), "NAME=LENS of each camera"),
+        ((*camera, *BOARD[:2], "--lens", "lft=fisheye"), "did you mean 'left'"),
+        ((*rig, *two, "--lens", "a=fisheye"), "no lens is given of b"),
         (stereo, "--left and --right"),
         ((*stereo, "--left", left), "--left and --right"),
         ((*stereo, "--left", left, "--right", other), "without a partner"),

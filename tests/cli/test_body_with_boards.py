@@ -82,7 +82,7 @@ def views(cameras=("camera1", "camera2"), size=(640, 480)):
     corners = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.1, 0.1, 0.0]])
     pixels = rng.uniform(0.0, 400.0, (3, 4, 2 * len(cameras)))
     pixels[1, 2, :2] = np.nan
-    return BoardViews(corners, ("a", "b", "c"), cameras, pixels, size)
+    return BoardViews(corners, ("a", "b", "c"), cameras, pixels, (size,) * len(cameras))
 
 
 def test_boards_stand_behind_a_recording_with_every_corner_that_was_seen(arms):

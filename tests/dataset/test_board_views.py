@@ -17,7 +17,7 @@ def views():
     pixels = np.arange(4 * 3 * 4, dtype=float).reshape(4, 3, 4)
     pixels[1, :, 2:] = np.nan
     pixels[2, 1, 0] = np.nan
-    return BoardViews(BOARD, NAMES, ("left", "right"), pixels, (640, 480))
+    return BoardViews(BOARD, NAMES, ("left", "right"), pixels, ((640, 480),) * 2)
 
 
 def test_a_corner_is_seen_where_both_its_coordinates_are_known(views):
@@ -92,7 +92,7 @@ def test_views_that_make_no_sense_are_refused(views, change, message):
 
 def test_views_do_not_change_under_ones_hands():
     pixels = np.zeros((1, 3, 2))
-    views = BoardViews(BOARD, ("01",), ("left",), pixels, (640, 480))
+    views = BoardViews(BOARD, ("01",), ("left",), pixels, ((640, 480),))
     pixels[0, 0, 0] = 7.0
     assert views.pixels[0, 0, 0] == 0.0
     with pytest.raises(ValueError, match="read-only"):

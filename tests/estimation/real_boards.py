@@ -31,7 +31,9 @@ def stereo_chessboard(data: Path) -> BoardViews:
     ]
     grid = np.stack(np.meshgrid(np.arange(9.0), np.arange(6.0)), axis=-1).reshape(-1, 2)
     board = 0.025 * np.column_stack([grid, np.zeros(54)])
-    return BoardViews(board, names, ("left", "right"), np.concatenate(cameras, axis=2), (640, 480))
+    return BoardViews(
+        board, names, ("left", "right"), np.concatenate(cameras, axis=2), ((640, 480),) * 2
+    )
 
 
 def _corners(path: Path) -> np.ndarray:

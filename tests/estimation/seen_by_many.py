@@ -9,6 +9,7 @@ from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.rig_parameters import Lenses, each_lens
 
 SIZE = (960, 720)
 BOARD = np.stack([*np.meshgrid(np.arange(8), np.arange(6))], axis=-1).reshape(-1, 2) * 0.06
@@ -27,18 +28,24 @@ class Rig:
     """Of the room."""
 
 
-def rig_of(count: int, rng: np.random.Generator, lens: str = "polynomial") -> Rig:
-    """Place cameras 35 deg apart, all looking inwards."""
+def rig_of(
+    count: int,
+    rng: np.random.Generator,
+    lens: Lenses = "polynomial",
+    sizes: tuple[tuple[int, int], ...] = (),
+) -> Rig:
+    """Place cameras 35 deg apart, all looking inwards; of one size if none are given."""
     bends = {"polynomial": {"k1": -0.2, "k2": 0.05}, "fisheye": {"k1": 0.03, "k2": -0.01}}
     found = []
-    for k in range(count):
+    sizes = sizes or (SIZE,) * count
+    for k, (kind, size) in enumerate(zip(each_lens(lens, count), sizes, strict=True)):
         turn = np.radians(35.0) * k + rng.normal(0.0, 0.03)
         R = rotation_from_vector(np.array([0.0, -turn, 0.0]))
         R = R @ rotation_from_vector(rng.normal(0.0, 0.04, 3))
-        X = transform(R, R @ [0.0, 0.0, -OUT[lens]])
-        fx = rng.uniform(640.0, 720.0) * (0.45 if lens == "fisheye" else 1.0)
-        centre = 0.5 * np.array(SIZE) + rng.normal(0.0, 8.0, 2)
-        found.append(Camera(fx, fx * 1.003, *centre, SIZE, lens=lens, X_WC=X, **bends[lens]))
+        X = transform(R, R @ [0.0, 0.0, -OUT[kind]])
+        fx = rng.uniform(640.0, 720.0) * (0.45 if kind == "fisheye" else 1.0) * size[0] / SIZE[0]
+        centre = 0.5 * np.array(size) + rng.normal(0.0, 8.0, 2)
+        found.append(Camera(fx, fx * 1.003, *centre, size, lens=kind, X_WC=X, **bends[kind]))
     first = found[0].X_CW
     names = tuple(f"cam{k}" for k in range(count))
     cameras = {n: c.at(first @ c.X_WC) for n, c in zip(names, found, strict=True)}
@@ -58,14 +65,16 @@ def seen_by_two(
                 X_WG = _board_before(rig, a, b, rng)
                 for name in (a, b):
                     p = rig.cameras[name].project(apply(X_WG, BOARD))
-                    inside = np.all((p > 5.0) & (p < np.array(SIZE) - 6.0), axis=1)
+                    far = np.array(rig.cameras[name].image_size) - 6.0
+                    inside = np.all((p > 5.0) & (p < far), axis=1)
                     if inside.all():
                         seen[:, names.index(name)] = p + rng.normal(0.0, sigma, p.shape)
                 if np.isnan(seen[:, [names.index(a), names.index(b)]]).any():
                     seen[:] = np.nan
             pixels.append(seen.reshape(len(BOARD), -1))
             views.append(f"{a}{b}{k}")
-    return BoardViews(BOARD, tuple(views), names, np.array(pixels), SIZE)
+    sizes = tuple(camera.image_size for camera in rig.cameras.values())
+    return BoardViews(BOARD, tuple(views), names, np.array(pixels), sizes)
 
 
 def _board_before(rig: Rig, a: str, b: str, rng: np.random.Generator) -> np.ndarray:

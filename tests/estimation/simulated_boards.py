@@ -58,7 +58,7 @@ def pictures(X_LG: NDArray, sigma: float = 0.0, seed: int = 0, rig: StereoRig = 
     pixels = np.array([rig.project(apply(X, P_GQ)) for X in X_LG])
     noise = np.random.default_rng((seed, 3)).normal(0.0, sigma, pixels.shape)
     names = tuple(f"{v:02d}" for v in range(len(X_LG)))
-    return BoardViews(P_GQ, names, ("left", "right"), pixels + noise, SIZE)
+    return BoardViews(P_GQ, names, ("left", "right"), pixels + noise, (SIZE, SIZE))
 
 
 def changed(views: BoardViews, row: int, shift: NDArray | float) -> BoardViews:

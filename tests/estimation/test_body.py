@@ -393,7 +393,7 @@ class TestBadInput:
     def test_boards_of_nobody(self):
         views = scenario().boards
         empty = BoardViews(
-            views.p_GQ, (), views.cameras, np.zeros((0, len(views.p_GQ), 4)), views.image_size
+            views.p_GQ, (), views.cameras, np.zeros((0, len(views.p_GQ), 4)), views.image_sizes
         )
         with pytest.raises(ValueError, match="needs views"):
             calibrate_body(scenario().train, scenario().cameras, empty)

@@ -53,7 +53,8 @@ def seen_by(lens, seed, *, count=16, pair=False, near=0.1, far=0.35, aside=1.2, 
         if all((e > 8).all() and (e < np.array(SIZE) - 8).all() for e in cameras):
             found.append(np.hstack([e + rng.normal(0.0, noise, e.shape) for e in cameras]))
     names = tuple(f"{i:02d}" for i in range(count))
-    return BoardViews(BOARD, names, ("left", "right") if pair else ("left",), np.array(found), SIZE)
+    cameras = ("left", "right") if pair else ("left",)
+    return BoardViews(BOARD, names, cameras, np.array(found), (SIZE,) * len(cameras))
 
 
 def judged(views, options=None, seed=0):

@@ -11,6 +11,7 @@ from nico_selfmodel.estimation.cameras.board_residuals import BoardResiduals
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+from nico_selfmodel.estimation.cameras.lens_choice import lens_of
 from nico_selfmodel.estimation.cameras.rig_start import rig_links
 from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.geometry.transform import inverse
@@ -43,6 +44,49 @@ def test_four_cameras_are_found_without_noise():
     assert (
         len(rig_units(4)) == len(rig_names(("a", "b", "c", "d"))) == len(rig_values(found.cameras))
     )
+
+
+MIXED = ("fisheye", "polynomial", "polynomial")
+SIZES = ((960, 720), (1280, 960), (640, 480))
+
+
+def mixed(seed, **kind):
+    """A fisheye and two polynomial lenses, with images of three sizes."""
+    rng = np.random.default_rng((seed, 5))
+    rig = rig_of(3, rng, MIXED, SIZES)
+    return rig, seen_by_two(rig, rng, **kind)
+
+
+def test_cameras_of_several_kinds_are_found_without_noise():
+    rig, views = mixed(1, sigma=0.0)
+    lens = dict(zip(views.cameras, MIXED, strict=True))
+    found = calibrate_cameras(views, CameraOptions(lens=lens))
+    assert rig_error(dict(zip(rig.cameras, found.cameras, strict=True)), rig).max() < 1e-7
+    assert [camera.lens for camera in found.cameras] == list(MIXED)
+    assert [camera.image_size for camera in found.cameras] == list(SIZES)
+
+
+@pytest.mark.slow
+def test_lenses_of_cameras_that_are_not_alike_are_chosen_one_by_one():
+    _, views = mixed(2)
+    choice = lens_of(views, CameraOptions(lens="auto"))
+    assert choice.lens == "cam0=fisheye,cam1=polynomial,cam2=polynomial"
+    assert choice.as_plain()["kind"] == choice.lens
+    asked = CameraOptions.from_text(lens=choice.lens)
+    assert calibrate_cameras(views, asked).cost == pytest.approx(choice.calibration.cost, rel=0.01)
+
+
+@pytest.mark.slow
+def test_sigmas_cover_cameras_of_several_kinds():
+    scores = []
+    for seed in range(24):
+        rig, views = mixed(100 + seed)
+        lens = dict(zip(views.cameras, MIXED, strict=True))
+        held = {"cam0.k3": 0.0, "cam0.k4": 0.0}
+        options = CameraOptions(lens=lens, pinned=held)
+        scores.append(standard_scores(rig, calibrate_cameras(views, options), MIXED))
+    assert np.sqrt(np.mean(np.square(scores))) == pytest.approx(1.0, abs=0.2)
+    assert np.mean(np.abs(scores) < 1.0) == pytest.approx(0.683, abs=0.08)
 
 
 @pytest.mark.slow

@@ -42,4 +42,5 @@ def wide_views(cameras, rng, count=25, sigma=0.1):
         if (pixels >= 0.0).all() and (pixels <= np.tile(SIZE, len(cameras)) - 1.0).all():
             kept.append(pixels + sigma * rng.normal(size=pixels.shape))
     names = tuple(f"{i:02d}" for i in range(count))
-    return BoardViews(P_GQ, names, ("left", "right")[: len(cameras)], np.array(kept), SIZE)
+    sides = ("left", "right")[: len(cameras)]
+    return BoardViews(P_GQ, names, sides, np.array(kept), (SIZE,) * len(cameras))

@@ -33,7 +33,9 @@ def boards(name: str) -> BoardViews:
     with np.load(FOLDER / f"{name}.npz") as stored:
         names, cameras = tuple(stored["names"].tolist()), tuple(stored["eyes"].tolist())
         width, height = stored["size"].tolist()
-        return BoardViews(stored["p_GQ"], names, cameras, stored["pixels"], (width, height))
+        return BoardViews(
+            stored["p_GQ"], names, cameras, stored["pixels"], ((width, height),) * len(cameras)
+        )
 
 
 def arm() -> dict[str, Any]:

@@ -1,11 +1,14 @@
 """Rational lenses and fisheyes: OpenCV's pixels, derivatives, inverses, what they refuse."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 
 from nico_selfmodel.errors import ModelError
+from nico_selfmodel.estimation.observations.hand_pixels import project_to_cameras
 from nico_selfmodel.model.cameras import fisheye, lens
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import LENSES, intrinsics_of, project_in_camera
@@ -117,7 +120,7 @@ def test_a_camera_outlives_its_file(camera, tmp_path):
     model = SelfModel("wide", cameras={"left": camera, "right": other})
     save_model(model, tmp_path / "self_model.yaml")
     again = load_model(tmp_path / "self_model.yaml")
-    assert again.rig.lens == camera.lens
+    assert again.rig.lenses == (camera.lens, camera.lens)
     assert np.array_equal(again.rig.values, model.rig.values)
     assert len(again.rig.names) == len(again.rig.values) == len(again.rig.units)
 
@@ -131,8 +134,25 @@ def test_what_cannot_be_is_refused():
         Camera(**INSIDE, k4=0.1)
     with pytest.raises(ValueError, match="a fisheye lens has no p1"):
         Camera(**INSIDE, p1=0.1, lens="fisheye")
-    with pytest.raises(ValueError, match="one kind of lens, got fisheye and rational"):
-        StereoRig(FISHEYE, RATIONAL)
+
+
+def test_cameras_of_two_kinds_are_a_pair_whose_numbers_are_named_camera_by_camera():
+    aside = np.block([[np.eye(3), np.array([[0.1], [0.0], [0.0]])], [0.0, 0.0, 0.0, 1.0]])
+    pair = StereoRig(FISHEYE, replace(RATIONAL.at(aside), image_size=(640, 480)))
+    assert pair.names[8:10] == ("left.k4", "right.fx")
+    assert len(pair.names) == len(pair.values) == len(pair.units) == 9 + 13 + 6
+    again = pair.with_values(pair.values)
+    assert [camera.lens for camera in again.cameras] == ["fisheye", "rational"]
+    assert [camera.image_size for camera in again.cameras] == [SIZE, (640, 480)]
+    p = np.array([[0.2, -0.1, 1.0], [-0.3, 0.1, 0.8]])
+    assert again.project(p) == pytest.approx(pair.project(p), abs=1e-9)
+    pixels, _, by_cameras = project_to_cameras(p.T, pair.values, pair.lenses)
+    assert pytest.approx(pair.project(p), abs=1e-9) == pixels.T
+    for k, value in enumerate(pair.values):
+        step = 1e-6 * max(1.0, abs(value)) * np.eye(len(pair.values))[k]
+        up, down = (pair.with_values(pair.values + s * step).project(p) for s in (1.0, -1.0))
+        slope = (up - down) / (2.0 * step[k])
+        assert pytest.approx(slope, rel=1e-5, abs=1e-4) == by_cameras[k].T, pair.names[k]
 
 
 def test_a_polynomial_is_a_rational_lens_whose_last_coefficients_are_zero():

@@ -51,7 +51,7 @@ def test_a_single_pair_needs_no_number(tmp_path, board_image):
 def test_corners_that_one_camera_did_not_see_are_nan_with_the_reason(folder):
     told = []
     found = detect_boards(folder, BOARD, 4, lambda *step: told.append(step))
-    assert found.views.image_size == (320, 240)
+    assert found.views.image_sizes == ((320, 240),) * 2
     assert found.views.seen.all(axis=2).tolist() == [[True, True], [True, True], [True, False]]
     assert list(found.not_seen) == ["right10.png"]
     assert "no 5x4 board" in found.not_seen["right10.png"]
@@ -92,7 +92,7 @@ def spoil(folder, change):
         ("unpaired", "without a partner in the other camera: left2.png"),
         ("one camera", r"images of one camera only: left\* without right\*"),
         ("twice", "left1.jpg and left1.png are the same view"),
-        ("size", "different sizes: left1.png has 320x240, right2.png has 200x100"),
+        ("size", "'right' have different sizes: right1.png has 320x240, right2.png has 200x100"),
         ("text", "left2.png: not an image"),
         ("empty file", "left2.png: the file is empty"),
         ("nothing", "no stereo images .* it is empty"),

@@ -46,7 +46,7 @@ def boards(count, seed=0):
         if ((seen >= 0.0) & (seen <= np.tile(SIZE, 2) - 1.0)).all():
             pixels.append(seen + rng.normal(0.0, 0.1, seen.shape))
     names = tuple(f"{v:02d}" for v in range(count))
-    return BoardViews(P_GQ, names, ("left", "right"), np.array(pixels), SIZE)
+    return BoardViews(P_GQ, names, ("left", "right"), np.array(pixels), (SIZE, SIZE))
 
 
 def assessed(views, test=None, **options):

@@ -41,7 +41,7 @@ def table(rows):
         (parts.Beside((parts.Text("left of"),)), "left of"),
         (parts.Folded("more", (parts.Text("folded away"),)), "folded away"),
         (parts.section("Within", parts.Text("deeper")), "deeper"),
-        (Gallery((GalleryRow("view 3", "training", ()),), 1.0), "view 3"),
+        (Gallery((GalleryRow("view 3", "training", ()),)), "view 3"),
         (parts.Stage(SCENE), "Drag to turn"),
     ],
 )

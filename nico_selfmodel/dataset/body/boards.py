@@ -86,9 +86,9 @@ def _check_cameras(data: BodyDataset, views: BoardViews) -> None:
     if any(joint.name == BOARD for joint in data.joints):
         raise DataError(f"data set {data.name!r} has a joint called {BOARD!r} already")
     for name in views.cameras:
-        size = cameras[name].image_size or views.image_size
-        if size != views.image_size:
-            width, height = views.image_size
+        width, height = views.size_of(name)
+        size = cameras[name].image_size or (width, height)
+        if size != (width, height):
             raise DataError(
                 f"the photographs of boards have {width} x {height} px, camera {name!r} of data "
                 f"set {data.name!r} has {size[0]} x {size[1]}: both must be of the same cameras"

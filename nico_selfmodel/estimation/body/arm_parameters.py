@@ -101,10 +101,7 @@ class ArmParameters:
 
     def rig_of(self, values: NDArray) -> StereoRig:
         """Return the cameras. Shape (P,)."""
-        left = self.rig.left
-        return StereoRig.from_values(
-            values[self._split : self.bends.start], left.image_size, left.lens
-        )
+        return self.rig.with_values(values[self._split : self.bends.start])
 
     def tree_of(self, values: NDArray) -> BodyTree:
         """Return the body with these values. Shape (P,)."""
@@ -137,8 +134,8 @@ class ArmParameters:
         arm = dict(zip(self.arm.names, self.arm.scales(size).tolist(), strict=True))
         # A board as large as the workspace, for the scales of the cameras.
         corners = size * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
-        size_px = self.rig.left.image_size
-        views = BoardViews(corners, (), SIDES, np.zeros((0, 2, 4)), size_px)
+        sizes = tuple(camera.image_size for camera in self.rig.cameras)
+        views = BoardViews(corners, (), SIDES, np.zeros((0, 2, 4)), sizes)
         names = self.rig.names
         found = natural_scales(names, views, self.rig.values, names).tolist()
         scale = arm | dict(zip(names, found, strict=True))

@@ -249,7 +249,7 @@ class _Task:
         cameras |= {n: v for n, v in self.held_cameras.items() if v is not None}
         moved = np.array([cameras[n] for n in rig.names])
         arm = arm.with_values(np.array([values[n] for n in arm.names]))
-        return arm, StereoRig.from_values(moved, rig.left.image_size, rig.lens)
+        return arm, rig.with_values(moved)
 
     def _problem(self, seen: SeenBody) -> BodyProblem:
         options = self.options

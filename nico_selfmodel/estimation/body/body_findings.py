@@ -82,7 +82,7 @@ def _warnings(calibration: BodyCalibration) -> tuple[str, ...]:
             f"{int(calibration.board_outliers.sum())} boards contradict the rest: left out"
         )
     rig = calibration.model.rig
-    words += folds_of(SIDES, rig.cameras, rig.left.image_size).values()
+    words += folds_of(SIDES, rig.cameras).values()
     return tuple(words)
 
 

@@ -72,13 +72,14 @@ class BodyOptions:
         held: dict[str, float | None] = dict.fromkeys(names)
         if self.stage != "kinematics":
             fixed = set(HELD_BY_DEFAULT)
-            if rig.lens == RATIONAL:  # boards alone hardly tell what is below the fraction
-                fixed |= {"k4", "k5", "k6"}
+            rational = {s for s, c in zip(SIDES, rig.cameras, strict=True) if c.lens == RATIONAL}
+            # Boards alone hardly tell what is below the fraction.
+            below = {f"{side}.{k}" for side in rational for k in ("k4", "k5", "k6")}
             if self.variant == "thesis":
                 fixed |= set(_LENS)
             if self.stage == "intrinsics-fixed":
                 fixed |= set(EVERY_INTRINSIC)
-            held = {n: None for n in names if n.rpartition(".")[2] in fixed}
+            held = {n: None for n in names if n.rpartition(".")[2] in fixed or n in below}
             if not self.anchored:
                 held[self.scale_name(rig)] = None
         return {n: v for n, v in held.items() if n not in freed} | pinned

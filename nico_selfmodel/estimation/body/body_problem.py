@@ -216,7 +216,7 @@ def outlier_rows(seen: SeenBody, found: TreeBend) -> NDArray:
     if len(rows):
         arm, rig = arm_and_cameras(found)
         own = seen.pixels.select(rows)
-        block = HandPixels(own, DhArm(own.arm, arm), lens=rig.lens)
+        block = HandPixels(own, DhArm(own.arm, arm), lens=rig.lenses)
         x = np.concatenate([arm.values, rig.values])
         block.whiten(seen.noise_of(solution.noise).whitening(block.by_angle(x), own.seen))
         distance = np.sum(block.evaluate(x)[0] ** 2, axis=0)

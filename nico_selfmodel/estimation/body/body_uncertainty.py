@@ -60,7 +60,7 @@ def noise_sigmas(
     inliers: PixelObservations, parameters: DhParameters, rig: StereoRig, noise: HandNoise
 ) -> tuple[float, float]:
     """Return how surely the inlier rows tell tracker noise [px] and joint noise [rad]."""
-    block = HandPixels(inliers, DhArm(inliers.arm, parameters), lens=rig.lens)
+    block = HandPixels(inliers, DhArm(inliers.arm, parameters), lens=rig.lenses)
     slopes = block.by_angle(np.concatenate([parameters.values, rig.values]))
     return noise.sigmas(slopes, inliers.seen)
 

@@ -104,7 +104,7 @@ class StereoPoints:
         linear = Linearised.at(observations, parameters, ~calibration.outliers, noise)
         p = observations.p_WH - linear.residuals
         rig = self.cameras.rig
-        _, by_point, by_cameras = project_to_cameras(p.T, rig.values, rig.lens)
+        _, by_point, by_cameras = project_to_cameras(p.T, rig.values, rig.lenses)
         # Pixels stay: the point moves so that it makes up for the cameras, as well as one point
         # can.
         by_point = by_point.transpose(2, 0, 1)

@@ -109,7 +109,7 @@ def _in_images(
 ) -> tuple[NDArray, NDArray]:
     """Return rms errors in the images from parameters and from mechanics [px]. Shape (N,) each."""
     points, by_arm = view.evaluate(model.parameters.values)
-    _, by_point, by_cameras = project_to_cameras(points, model.rig.values, model.rig.lens)
+    _, by_point, by_cameras = project_to_cameras(points, model.rig.values, model.rig.lenses)
     by_arm = np.einsum("ain,kin->nak", by_point, by_arm)
     whole = np.concatenate([by_arm, by_cameras.transpose(2, 1, 0)], axis=2)
     covariance = covariance_of(model, (*view.names, *model.rig.names))

@@ -87,9 +87,8 @@ def held_out_residuals(cameras: tuple[Camera, ...], views: BoardViews) -> NDArra
     Raises:
         EstimationError: If a board's pose cannot be found.
     """
-    options = CameraOptions(
-        tangential=True, freed=frozenset(["skew"]), loss="none", lens=cameras[0].lens
-    )
+    lenses = {name: camera.lens for name, camera in zip(views.cameras, cameras, strict=True)}
+    options = CameraOptions(tangential=True, freed=frozenset(["skew"]), loss="none", lens=lenses)
     start = pose_of_seen_boards(cameras, views)
     adjustment = Adjustment(views, cameras, start, options)
     for name in adjustment.block.shared_names:

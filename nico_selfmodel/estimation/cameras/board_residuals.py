@@ -4,6 +4,8 @@ A corner p_GQ of view v lies at p_LQ = R_v p_GQ + t_v in the frame of the first 
 one, R, sees it at p_RQ = R_LR' (p_LQ - p_LR). Pixels follow by `project_in_camera`.
 """
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +17,13 @@ from nico_selfmodel.geometry.rotation import (
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL, intrinsics_of, project_in_camera
-from nico_selfmodel.model.cameras.rig_parameters import POSE_NAMES, rig_names, rig_values
+from nico_selfmodel.model.cameras.rig_parameters import (
+    POSE_NAMES,
+    Lenses,
+    each_lens,
+    rig_names,
+    rig_values,
+)
 from nico_selfmodel.optimization.separable_block import Parts, SeparableBlock
 
 _AHEAD = np.array([0.0, 0.0, 1.0]).reshape(3, 1, 1)
@@ -33,7 +41,7 @@ class BoardResiduals(SeparableBlock):
         X_LG: NDArray,
         sigma: float,
         aspect: float | None = None,
-        lens: str = POLYNOMIAL,
+        lens: Lenses = POLYNOMIAL,
     ) -> None:
         """Take the data.
 
@@ -42,21 +50,18 @@ class BoardResiduals(SeparableBlock):
             X_LG: Poses of the boards about which they are parameterised. Shape (V, 4, 4).
             sigma: Standard deviation of a pixel coordinate [px].
             aspect: Hold fy / fx at this ratio; `fy` is no variable then.
-            lens: Of all cameras.
+            lens: Of all cameras, or one each.
         """
-        self.views, self.sigma, self.aspect, self.lens = views, sigma, aspect, lens
+        self.views, self.sigma, self.aspect = views, sigma, aspect
+        self.lenses = each_lens(lens, len(views.cameras))
         self.rotations = np.array(X_LG)[:, :3, :3]
-        own = intrinsics_of(lens)
-        inside = [n for n in own if aspect is None or n != "fy"]
-        self._inside = len(inside) * len(views.cameras)
-        names = rig_names(views.cameras, lens)
+        self._spreads = [_spread(len(intrinsics_of(own)), aspect) for own in self.lenses]
+        ends = np.cumsum([0, *(spread.shape[1] for spread in self._spreads)]).tolist()
+        self._columns, self._inside = [slice(a, b) for a, b in pairwise(ends)], ends[-1]
+        names = rig_names(views.cameras, self.lenses)
         self.shared_names = tuple(n for n in names if aspect is None or not n.endswith(".fy"))
         boards = tuple(f"board.{view}.{n}" for view in views.names for n in POSE_NAMES)
         self.names = self.shared_names + boards
-        self._spread = np.eye(len(own))
-        if aspect is not None:
-            self._spread[1, 0] = aspect
-            self._spread = np.delete(self._spread, 1, axis=1)
         self._corners = views.p_GQ.T
         cameras = views.pixels.reshape(len(views), len(views.p_GQ), len(views.cameras), 2)
         self._measured = np.nan_to_num(np.transpose(cameras, (2, 3, 0, 1)))
@@ -71,10 +76,8 @@ class BoardResiduals(SeparableBlock):
     def cameras(self, x: NDArray) -> tuple[Camera, ...]:
         """Return the cameras that the shared variables describe, the first one at the world."""
         return tuple(
-            Camera.from_values(
-                self._values_of(x, e), self.views.image_size, self._pose_of(x, e), self.lens
-            )
-            for e in range(len(self.views.cameras))
+            Camera.from_values(self._values_of(x, e), size, self._pose_of(x, e), self.lenses[e])
+            for e, size in enumerate(self.views.image_sizes)
         )
 
     def board_poses(self, x: NDArray) -> NDArray:
@@ -84,7 +87,7 @@ class BoardResiduals(SeparableBlock):
 
     def start_of(self, cameras: tuple[Camera, ...], X_LG: NDArray) -> NDArray:
         """Return the variables of given cameras and boards; rotations are those given first."""
-        names = rig_names(self.views.cameras, self.lens)
+        names = rig_names(self.views.cameras, self.lenses)
         keep = [i for i, n in enumerate(names) if self.aspect is None or not n.endswith(".fy")]
         own = np.concatenate([np.zeros((len(X_LG), 3)), X_LG[:, :3, 3]], axis=1)
         return np.concatenate([rig_values(cameras)[keep], own.ravel()])
@@ -106,7 +109,7 @@ class BoardResiduals(SeparableBlock):
             pixels, by_point, by_values = self._project(x, e, p_LQ)
             by_point *= weight
             r[:, e] = np.moveaxis((pixels - self._measured[e]) * weight, 1, 0)
-            by_shared[:, self._columns_of(e), e] = np.moveaxis(by_values * weight, 2, 0)
+            by_shared[:, self._columns[e], e] = np.moveaxis(by_values * weight, 2, 0)
             if e > 0:
                 by_pose = _by_pose(x[self._pose_columns(e)], p_LQ, by_point)
                 by_shared[:, self._pose_columns(e), e] = np.moveaxis(by_pose, 2, 0)
@@ -125,13 +128,13 @@ class BoardResiduals(SeparableBlock):
         if self._missed[camera].any():
             # Boards beside or behind a camera have no pixels, and count for nothing.
             p_RQ = np.where(self._missed[camera][:, None], _AHEAD, p_RQ)
-        pixels, by_point, by_values = project_in_camera(p_RQ, values, self.lens)
+        pixels, by_point, by_values = project_in_camera(p_RQ, values, self.lenses[camera])
         by_point = by_point.swapaxes(0, 1)
         if camera:
             by_point = _turn(X_LR[:3, :3], by_point)
         by_values = by_values.swapaxes(0, 1)
         if self.aspect is not None:
-            by_values = _turn(self._spread.T, by_values)
+            by_values = _turn(self._spreads[camera].T, by_values)
         return pixels, by_point.copy(), by_values
 
     def pixel_residuals(self, r: NDArray) -> NDArray:
@@ -144,14 +147,9 @@ class BoardResiduals(SeparableBlock):
         flat = np.transpose(r.reshape(shape), (0, 3, 1, 2)).reshape(self.views.pixels.shape)
         return np.where(np.isfinite(self.views.pixels), flat, np.nan)
 
-    def _columns_of(self, camera: int) -> slice:
-        """Return where one camera's intrinsics stand among the variables."""
-        width = self._spread.shape[1]
-        return slice(camera * width, (camera + 1) * width)
-
     def _values_of(self, x: NDArray, camera: int) -> NDArray:
         """Return one camera's intrinsics. Shape (c,)."""
-        return self._spread @ x[self._columns_of(camera)]
+        return np.asarray(self._spreads[camera] @ x[self._columns[camera]])
 
     def _pose_columns(self, camera: int) -> slice:
         """Return where the pose of a camera other than the first stands among the variables."""
@@ -164,6 +162,15 @@ class BoardResiduals(SeparableBlock):
             return np.eye(4)
         pose = x[self._pose_columns(camera)]
         return transform(rotation_from_vector(pose[:3]), pose[3:])
+
+
+def _spread(count: int, aspect: float | None) -> NDArray:
+    """Return what a camera's variables make of its intrinsics: fy follows where it is held."""
+    spread = np.eye(count)
+    if aspect is None:
+        return spread
+    spread[1, 0] = aspect
+    return np.delete(spread, 1, axis=1)
 
 
 def _by_pose(pose: NDArray, p_LQ: NDArray, by_point: NDArray) -> NDArray:

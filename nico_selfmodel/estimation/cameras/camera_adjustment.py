@@ -130,7 +130,8 @@ class Adjustment:
     ) -> None:
         """Set up the program at a start."""
         self.views = views
-        self.block = BoardResiduals(views, X_LG, 1.0, options.aspect, options.lens)
+        lenses = options.lenses(views.cameras)
+        self.block = BoardResiduals(views, X_LG, 1.0, options.aspect, lenses)
         self.program = CalibrationProgram()
         self.program.add_variables(self.block.names, self.block.start_of(cameras, X_LG))
         self.number = self.program.add_residuals(self.block)
@@ -138,8 +139,7 @@ class Adjustment:
         for name, value in self.held.items():
             self.program.fix(name, value)
         priors = by_full_name(options.priors, self.block.shared_names)
-        if options.lens == RATIONAL:
-            priors = _rational_priors(views, cameras) | priors
+        priors = _rational_priors(views, cameras) | priors
         for name, (mean, sigma) in priors.items():
             if name not in self.held:
                 self.program.add_prior(name, mean, sigma)
@@ -278,12 +278,17 @@ def _rational_priors(
 
     Numerator and denominator of a rational lens do nearly the same: no boards tell all six.
     """
-    half = 0.5 * np.hypot(*views.image_size)
     return {
-        f"{side}.k{4 + i}": (0.0, _RATIONAL * (half / camera.fx) ** (-2 * i - 2))
+        f"{side}.k{4 + i}": (0.0, _RATIONAL * (_reach(camera)) ** (-2 * i - 2))
         for side, camera in zip(views.cameras, cameras, strict=True)
+        if camera.lens == RATIONAL
         for i in range(3)
     }
+
+
+def _reach(camera: Camera) -> float:
+    """Return the radius of the image's corner over the focal length."""
+    return 0.5 * float(np.hypot(*camera.image_size)) / camera.fx
 
 
 def natural_scales(
@@ -294,11 +299,11 @@ def natural_scales(
     Focal lengths by themselves; the principal point by half the image; k_i by what bends the
     image's corner by its own radius; the right camera's pose by one radian and the board's size.
     """
-    half = 0.5 * np.array(views.image_size)
     board = float(np.linalg.norm(np.ptp(views.p_GQ, axis=0)))
     scales = []
     for name in free:
         camera, _, what = name.partition(".")
+        half = 0.5 * np.array(views.size_of(camera))
         # What is above and below the fraction of a rational lens stands for each other.
         loose = _LOOSE if f"{camera}.k6" in names and what[0] == "k" else 1.0
         focal = values[names.index(f"{camera}.fx")]

@@ -14,7 +14,7 @@ from nico_selfmodel.estimation.cameras.board_accuracy import (
     pairs_of,
 )
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
-from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+from nico_selfmodel.estimation.cameras.camera_options import CameraOptions, lens_word
 from nico_selfmodel.estimation.cameras.known_cameras import KnownCameras, other_scale
 from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
 from nico_selfmodel.estimation.cameras.lens_misfit import LensMisfit, lens_misfits
@@ -97,10 +97,15 @@ class CameraAssessment:
             None if known is None else KnownCameras.on(known, shown, test is not None),
         )
 
+    def lens_of(self, camera: str) -> str:
+        """Return the lens of a camera, one of `model.cameras.projection.LENSES`."""
+        return self.calibration.cameras[self.calibration.views.cameras.index(camera)].lens
+
     @property
     def lens(self) -> str:
-        """Of all cameras, one of `model.cameras.projection.LENSES`."""
-        return self.calibration.cameras[0].lens
+        """The lenses of the cameras, as `--lens` takes them."""
+        lenses = {name: self.lens_of(name) for name in self.calibration.views.cameras}
+        return lens_word(lenses)
 
     @property
     def pair(self) -> PairAccuracy | None:
@@ -131,7 +136,7 @@ class CameraAssessment:
             *_weak_parameters(self.calibration),
             *_cancelling(self.calibration),
             *_coverage_warnings(self.calibration),
-            *(words_of_misfit(m, self.lens) for m in self.misfits if _is_slight(m)),
+            *(words_of_misfit(m, self.lens_of(m.camera)) for m in self.misfits if _is_slight(m)),
             *([] if scale is None else [scale]),
         )
 
@@ -169,8 +174,9 @@ def _cancelling(calibration: CameraCalibration) -> list[str]:
 
 def _coverage_warnings(calibration: CameraCalibration) -> list[str]:
     """Say how far the corners reach into the image's corners."""
-    words, half = [], 0.5 * (np.array(calibration.views.image_size) - 1.0)
-    for camera in calibration.views.cameras:
+    words = []
+    for camera, size in zip(calibration.views.cameras, calibration.views.image_sizes, strict=True):
+        half = 0.5 * (np.array(size) - 1.0)
         pixels = calibration.views.of_camera(camera).reshape(-1, 2)
         reach = float(np.nanmax(np.linalg.norm(pixels - half, axis=1)) / np.linalg.norm(half))
         if reach < _COVERED:
@@ -183,7 +189,7 @@ def _coverage_warnings(calibration: CameraCalibration) -> list[str]:
 
 def _folds_by_chance(calibration: CameraCalibration) -> list[str]:
     views, by_chance = calibration.views, folds_by_chance(calibration)
-    folds = folds_of(views.cameras, calibration.cameras, views.image_size)
+    folds = folds_of(views.cameras, calibration.cameras)
     return [words for camera, words in folds.items() if camera in by_chance]
 
 

@@ -87,7 +87,7 @@ def calibrate_cameras(views: BoardViews, options: CameraOptions | None = None) -
 
 def _check_names(views: BoardViews, options: CameraOptions) -> None:
     """Raise before any work if an option names a parameter that does not exist."""
-    names = rig_names(views.cameras, options.lens)
+    names = rig_names(views.cameras, options.lenses(views.cameras))
     options.held(names)
     by_full_name(options.priors, names)
 
@@ -100,13 +100,13 @@ def _refine_alone(views: BoardViews, options: CameraOptions, *, alone: bool) -> 
             f"the {side} camera saw {len(views)} board{'s' * (len(views) != 1)}, at least "
             f"{FEWEST_VIEWS} in different attitudes are needed, 10 to 20 are better"
         )
-    start = fisheye_start if options.lens == FISHEYE else zhang_start
-    camera, X_CG = start(views)
-    reach = 0.5 * float(np.hypot(*views.image_size))
-    bends = _starts_of(options.lens, reach / camera.fx)
     own, found = options.of_camera(side), list[Adjustment]()
-    for bend in bends:
-        bent = replace(camera, lens=options.lens, **bend)
+    (lens,), (size,) = own.lenses(views.cameras), views.image_sizes
+    start = fisheye_start if lens == FISHEYE else zhang_start
+    camera, X_CG = start(views)
+    reach = 0.5 * float(np.hypot(*size))
+    for bend in _starts_of(lens, reach / camera.fx):
+        bent = replace(camera, lens=lens, **bend)
         found.append(_approached(views, bent, X_CG, own))
         if found[-1].rms < _POOR * reach:
             break

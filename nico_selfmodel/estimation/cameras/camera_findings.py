@@ -32,7 +32,11 @@ def camera_findings(assessment: CameraAssessment) -> tuple[Finding, ...]:
         assessment: What they are worth.
     """
     failures = [
-        *(words_of_misfit(m, assessment.lens) for m in assessment.misfits if fails_the_lens(m)),
+        *(
+            words_of_misfit(m, assessment.lens_of(m.camera))
+            for m in assessment.misfits
+            if fails_the_lens(m)
+        ),
         _better_lens(assessment),
         _worst_reason(assessment),
         *_fold_reasons(assessment),
@@ -85,7 +89,7 @@ def _fold_reasons(assessment: CameraAssessment) -> list[str]:
     """Say where a lens folds its image and the boards say so; what is by chance is a warning."""
     calibration = assessment.calibration
     views, by_chance = calibration.views, folds_by_chance(calibration)
-    folds = folds_of(views.cameras, calibration.cameras, views.image_size)
+    folds = folds_of(views.cameras, calibration.cameras)
     if any(map(fails_the_lens, assessment.misfits)):
         return [fold.partition(": ")[0] for fold in folds.values()]  # pins would cure nothing
     return [fold for camera, fold in folds.items() if camera not in by_chance]

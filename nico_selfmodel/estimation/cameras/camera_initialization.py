@@ -37,7 +37,7 @@ def zhang_start(views: BoardViews) -> tuple[Camera, NDArray]:
     Raises:
         NotIdentifiableError: If the boards stand so that they leave the focal length open.
     """
-    width, height = views.image_size
+    ((width, height),) = views.image_sizes
     center = np.array([0.5 * (width - 1), 0.5 * (height - 1)])
     plane = views.p_GQ[:, :2]
     maps = _homographies(plane, views.pixels - center)
@@ -53,7 +53,7 @@ def zhang_start(views: BoardViews) -> tuple[Camera, NDArray]:
     if not (inverse_squares > 0.0).all():
         inverse_squares = np.full(2, max(width, height) ** -2.0)
     fx, fy = inverse_squares**-0.5
-    camera = Camera(fx, fy, center[0], center[1], views.image_size)
+    camera = Camera(fx, fy, center[0], center[1], (width, height))
     return camera, board_poses(maps, fx, fy)
 
 
@@ -71,7 +71,7 @@ def fisheye_start(views: BoardViews) -> tuple[Camera, NDArray]:
     Raises:
         EstimationError: If a board has too few corners within the reach of any.
     """
-    width, height = views.image_size
+    ((width, height),) = views.image_sizes
     found = []
     for f in max(width, height) / np.radians(_FISHEYE_VIEWS):
         camera = Camera(f, f, 0.5 * (width - 1), 0.5 * (height - 1), (width, height), lens=FISHEYE)

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from nico_selfmodel.files.csv_rows import number_of_word
-from nico_selfmodel.model.cameras.projection import LENSES, POLYNOMIAL
-from nico_selfmodel.model.cameras.rig_parameters import rig_names
+from nico_selfmodel.model.cameras.projection import FISHEYE, LENSES, POLYNOMIAL
+from nico_selfmodel.model.cameras.rig_parameters import each_lens, rig_names
 from nico_selfmodel.names import did_you_mean, listed
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
 
@@ -33,8 +33,8 @@ class CameraOptions:
     """Parameters to free of those `HELD_BY_DEFAULT`."""
     priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Parameter -> mean and standard deviation."""
-    lens: str = POLYNOMIAL
-    """Of all cameras, one of `model.cameras.projection.LENSES`, or `AUTO`."""
+    lens: str | Mapping[str, str] = POLYNOMIAL
+    """Of all cameras, one of `model.cameras.projection.LENSES`, or `AUTO`; or of each by name."""
     loss: str = "trimmed"
     """`trimmed` leaves out boards that fit ten times worse than the rest; or one of `LOSSES`."""
 
@@ -42,8 +42,11 @@ class CameraOptions:
         """Check what can be checked without the data."""
         if self.loss not in ROBUST_METHODS:
             raise ValueError(f"no loss {self.loss!r}; there are {', '.join(ROBUST_METHODS)}")
-        if self.lens not in (AUTO, *LENSES):
+        if isinstance(self.lens, str) and self.lens not in (AUTO, *LENSES):
             raise ValueError(f"no lens {self.lens!r}; there are {AUTO}, {', '.join(LENSES)}")
+        for camera, lens in {} if isinstance(self.lens, str) else self.lens.items():
+            if lens not in LENSES:
+                raise ValueError(f"no lens {lens!r} of {camera!r}; there are {', '.join(LENSES)}")
         if self.aspect is not None and not self.aspect > 0.0:
             raise ValueError(f"aspect must be positive, got {self.aspect}")
 
@@ -53,9 +56,17 @@ class CameraOptions:
         pin: Sequence[str] = (),
         free: Sequence[str] = (),
         prior: Sequence[str] = (),
+        lens: str = POLYNOMIAL,
         **others: object,
     ) -> "CameraOptions":
-        """Read the command line's words: NAME or NAME=VALUE, NAME, NAME=MEAN,SIGMA.
+        """Read the command line's words.
+
+        Args:
+            pin: NAME or NAME=VALUE.
+            free: NAME.
+            prior: NAME=MEAN,SIGMA.
+            lens: A lens of all, or CAMERA=LENS of each with commas between.
+            **others: As they are.
 
         Raises:
             ValueError: If a value is not a number, or a name is both pinned and freed.
@@ -78,14 +89,39 @@ class CameraOptions:
         both = set(pinned) & set(free)
         if both:
             raise ValueError(f"{', '.join(sorted(both))} cannot be both pinned and freed")
-        return cls(pinned=pinned, freed=frozenset(free), priors=priors, **others)  # type: ignore[arg-type]
+        kind = _lens_of(lens)
+        return cls(pinned=pinned, freed=frozenset(free), priors=priors, lens=kind, **others)  # type: ignore[arg-type]
+
+    def lenses(self, cameras: Sequence[str]) -> tuple[str, ...]:
+        """Return the lens of each of some cameras.
+
+        Raises:
+            ValueError: If lenses are given by name, and not of just these cameras.
+        """
+        if isinstance(self.lens, str):
+            return each_lens(self.lens, len(cameras))
+        unknown = [name for name in self.lens if name not in cameras]
+        if unknown:
+            hint = did_you_mean(unknown[0], cameras) or "."
+            raise ValueError(
+                f"a lens is given of {unknown[0]!r}{hint} There are: {listed(cameras)}"
+            )
+        missing = [name for name in cameras if name not in self.lens]
+        if missing:
+            raise ValueError(
+                f"no lens is given of {listed(missing)}: name one for every camera, as "
+                f"{','.join(f'{name}={POLYNOMIAL}' for name in cameras)}"
+            )
+        return tuple(self.lens[name] for name in cameras)
 
     def of_camera(self, camera: str) -> "CameraOptions":
         """Return what concerns the inside of one camera."""
-        inside = set(rig_names((camera,), self.lens))
+        lens = self.lens if isinstance(self.lens, str) else self.lens[camera]
+        inside = set(rig_names((camera,), lens))
         inside |= {n.partition(".")[2] for n in inside}
         return replace(
             self,
+            lens=lens,
             pinned={n: v for n, v in self.pinned.items() if n in inside},
             freed=self.freed & inside,
             priors={n: v for n, v in self.priors.items() if n in inside},
@@ -113,6 +149,31 @@ class CameraOptions:
             if value is None and name.rpartition(".")[2] not in _NOMINAL:
                 raise ValueError(f"`{name}` has no nominal value: pin it as {name}=VALUE")
         return held
+
+
+def lens_word(lens: str | Mapping[str, str]) -> str:
+    """Return the lens of cameras as `CameraOptions.from_text` reads it."""
+    kinds = {lens} if isinstance(lens, str) else set(lens.values())
+    if isinstance(lens, str) or len(kinds) == 1:
+        return kinds.pop()
+    return ",".join(f"{camera}={kind}" for camera, kind in lens.items())
+
+
+def _lens_of(text: str) -> str | dict[str, str]:
+    """Read a lens, or NAME=LENS of each camera with commas between."""
+    if "=" not in text:
+        return text
+    found: dict[str, str] = {}
+    for word in text.split(","):
+        camera, equals, lens = (part.strip() for part in word.partition("="))
+        if not equals or not camera:
+            raise ValueError(
+                f"--lens {text}: give a lens, or NAME=LENS of each camera: left={FISHEYE}"
+            )
+        if camera in found:
+            raise ValueError(f"--lens {text}: camera {camera!r} is named twice")
+        found[camera] = lens
+    return found
 
 
 def by_full_name(chosen: Mapping[str, T], names: tuple[str, ...]) -> dict[str, T]:

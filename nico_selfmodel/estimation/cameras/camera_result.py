@@ -84,9 +84,9 @@ def camera_parameters(assessment: CameraAssessment) -> dict[str, Parameter]:
     """Return every parameter of the cameras; the derived baseline last."""
     calibration = assessment.calibration
     sigma = dict(zip(calibration.names, calibration.uncertainty.sigma.tolist(), strict=True))
-    cameras, lens = calibration.views.cameras, calibration.cameras[0].lens
-    units = rig_units(len(cameras), lens)
-    table = parameter_table(rig_names(cameras, lens), rig_values(calibration.cameras), units, sigma)
+    cameras, lenses = calibration.views.cameras, [c.lens for c in calibration.cameras]
+    names, units = rig_names(cameras, lenses), rig_units(len(cameras), lenses)
+    table = parameter_table(names, rig_values(calibration.cameras), units, sigma)
     if len(cameras) != 2:
         return table
     covariance = calibration.uncertainty.covariance

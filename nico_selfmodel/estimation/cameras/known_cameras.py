@@ -66,8 +66,9 @@ class KnownCameras:
             learned: The cameras as learned.
             names: Parameters to compare.
         """
-        kinds = [{camera.lens for camera in m.cameras.values()} for m in (self.model, learned)]
-        compared = names if kinds[0] == kinds[1] else [n for n in names if ".k" not in n]
+        before, now = self.model.cameras, learned.cameras
+        others = {n for n, camera in now.items() if before[n].lens != camera.lens}
+        compared = [n for n in names if ".k" not in n or n.partition(".")[0] not in others]
         errors = Errors(pixels=corner_distances(self.residuals), unit="px", poses=None)
         return {
             "model": self.model.name,
@@ -131,11 +132,11 @@ def cameras_for(model: SelfModel, views: BoardViews) -> tuple[Camera, ...]:
         raise ModelError(f"self-model {model.name!r} lacks the camera {missing[0]}: it {there}")
     found = [model.cameras[camera] for camera in views.cameras]
     for name, camera in zip(views.cameras, found, strict=True):
-        if camera.image_size != views.image_size:
+        width, height = views.size_of(name)
+        if camera.image_size != (width, height):
             raise DataError(
                 f"the {name} camera of {model.name!r} has {camera.image_size[0]} x "
-                f"{camera.image_size[1]} pixels, the photographs have {views.image_size[0]} x "
-                f"{views.image_size[1]}"
+                f"{camera.image_size[1]} pixels, the photographs have {width} x {height}"
             )
     X_FW = inverse(found[0].X_WC)
     return tuple(camera.at(X_FW @ camera.X_WC) for camera in found)

@@ -7,6 +7,10 @@ mean over boards of log(rms) by more than 1 % and two standard errors. Of those 
 one stays under which the corners learned from are likeliest, each number counted as a unit of the
 logarithm (Akaike 1974), unless its residuals still have something in common, or it folds the
 image. Where the last coefficient folds it and boards do no worse without, it is left out.
+
+Cameras of a rig have one lens, unless they are not alike: images of other sizes, or angles of view
+that differ by a fifth. Then the lenses that the boards of each camera by itself tell stand for
+choice, too.
 """
 
 from dataclasses import dataclass, replace
@@ -21,7 +25,7 @@ from nico_selfmodel.estimation.cameras.board_accuracy import cross_validate_came
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.estimation.cameras.camera_assessment import fails_the_lens, is_notable
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
-from nico_selfmodel.estimation.cameras.camera_options import AUTO, CameraOptions
+from nico_selfmodel.estimation.cameras.camera_options import AUTO, CameraOptions, lens_word
 from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
 from nico_selfmodel.estimation.cameras.lens_misfit import LensMisfit, lens_misfits
 from nico_selfmodel.estimation.results.calibration_result import finite
@@ -33,6 +37,8 @@ _GAIN = 0.01
 """Mean logarithm of the errors' ratio that boards left out must gain ..."""
 _TOLD = 2.0
 """... and its standard errors."""
+_ALIKE = 0.2
+"""Share by which focal lengths, in widths of the image, of one kind of camera may differ."""
 _FAR_LIKELIER = 10.0
 """Half a difference of Akaike's criterion, as likelihoods have it, that leaves no doubt."""
 
@@ -42,7 +48,7 @@ class LensTrial:
     """One lens, and what boards that were left out say of it."""
 
     lens: str
-    """One of `LENSES`."""
+    """One of `LENSES`, or one each of cameras that are not alike, as `--lens` takes them."""
     left_out_px: float
     """Geometric mean over boards of their rms, each predicted without its fold [px]."""
     reason: str
@@ -64,8 +70,8 @@ class LensChoice:
 
     @property
     def lens(self) -> str:
-        """One of `LENSES`."""
-        return self.options.lens
+        """One of `LENSES`, or one for each camera, as `--lens` takes them."""
+        return lens_word(self.options.lens)
 
     def as_plain(self) -> dict[str, Any]:
         """Return it for `result.json`."""
@@ -97,10 +103,12 @@ def lens_of(views: BoardViews, options: CameraOptions) -> LensChoice:
             return LensChoice(plain, found)
     except (EstimationError, ModelError) as error:
         tried = _tried(views, options, (FISHEYE, RATIONAL))
+        tried |= _tried_apart(views, options, tried)
         if not tried:
             raise
         return _chosen(tried, {POLYNOMIAL: LensTrial(POLYNOMIAL, np.nan, str(error))})
     tried = _tried(views, options, LENSES)
+    tried |= _tried_apart(views, options, tried)
     return _chosen(tried, {}) if tried else LensChoice(plain, found)
 
 
@@ -108,16 +116,17 @@ def _compared(views: BoardViews, options: CameraOptions) -> LensChoice:
     """Return the lens that was asked for, and the one that unseen boards would rather have."""
     found = calibrate_cameras(views, options)
     notable = _is_flawed(found, options) or any(map(is_notable, _misfits(found, options)))
-    own = None if options.lens == POLYNOMIAL and not notable else _found(views, options)
+    asked = lens_word(options.lens)
+    own = None if asked == POLYNOMIAL and not notable else _found(views, options)
     if own is None:
         return LensChoice(options, found)
-    others = _tried(views, options, tuple(lens for lens in LENSES if lens != options.lens))
+    others = _tried(views, options, tuple(lens for lens in LENSES if lens != asked))
     better = [lens for lens, one in others.items() if not one.flawed and _is_wrong(own, one)]
-    trials = [_trial(options.lens, own, "asked for")] + [
+    trials = [_trial(asked, own, "asked for")] + [
         _trial(lens, one, "boards left out are met better" if lens in better else "no better")
         for lens, one in others.items()
     ]
-    best = min(better, key=lambda lens: float(others[lens].left_out.mean()), default=None)
+    best = min(better, key=lambda lens: others[lens].mean, default=None)
     return LensChoice(options, found, tuple(trials), best)
 
 
@@ -131,7 +140,7 @@ def _is_wrong(own: "_Found", other: "_Found") -> bool:
 
 
 def _trial(lens: str, found: "_Found", reason: str) -> LensTrial:
-    return LensTrial(lens, float(np.exp(found.left_out.mean())), reason)
+    return LensTrial(lens, float(np.exp(found.mean)), reason)
 
 
 def _misfits(found: CameraCalibration, options: CameraOptions) -> list[LensMisfit]:
@@ -147,7 +156,7 @@ def _is_flawed(found: CameraCalibration, options: CameraOptions) -> bool:
 def _folded(found: CameraCalibration) -> set[str]:
     """Return the cameras whose lens folds the image where its boards do not leave it open."""
     views = found.views
-    return set(folds_of(views.cameras, found.cameras, views.image_size)) - folds_by_chance(found)
+    return set(folds_of(views.cameras, found.cameras)) - folds_by_chance(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,6 +179,11 @@ class _Found:
         found = calibrate_cameras(views, options)
         rms = 0.5 * np.log(2.0 * np.nanmean(left**2, axis=(1, 2)))
         return cls(options, found, rms, _is_flawed(found, options))
+
+    @property
+    def mean(self) -> float:
+        """Of the logarithms."""
+        return float(self.left_out.mean())
 
     def worse_than(self, other: "_Found") -> bool:
         """Whether boards gain by another lens."""
@@ -194,6 +208,41 @@ def _tried(views: BoardViews, options: CameraOptions, lenses: tuple[str, ...]) -
         if whole is not None:
             found[lens] = whole
     return found
+
+
+def _tried_apart(
+    views: BoardViews, options: CameraOptions, tried: dict[str, _Found]
+) -> dict[str, _Found]:
+    """Return what lenses leave that the cameras' own boards choose; nothing of cameras alike."""
+    if len(views.cameras) == 1 or (
+        tried and _are_alike(min(tried.values(), key=lambda one: one.mean))
+    ):
+        return {}
+    choices = {}
+    for camera in views.cameras:
+        own = replace(replace(options, lens=RATIONAL).of_camera(camera), lens=AUTO)
+        try:
+            choices[camera] = lens_of(views.only(camera), own).options
+        except (EstimationError, ModelError):
+            return {}
+    lenses = {camera: choice.lens for camera, choice in choices.items()}
+    word = lens_word({camera: str(lens) for camera, lens in lenses.items()})
+    if word in LENSES:
+        return {}
+    pinned = {
+        (name if "." in name else f"{camera}.{name}"): value
+        for camera, choice in choices.items()
+        for name, value in choice.pinned.items()
+    }
+    whole = _found(views, replace(options, lens=lenses, pinned={**options.pinned, **pinned}))
+    return {} if whole is None else {word: whole}
+
+
+def _are_alike(found: _Found) -> bool:
+    """Tell whether cameras may be of one kind: as large images, as wide views."""
+    cameras = found.calibration.cameras
+    focal = np.log([camera.fx / camera.image_size[0] for camera in cameras])
+    return len({camera.image_size for camera in cameras}) == 1 and bool(np.ptp(focal) < _ALIKE)
 
 
 def _found(views: BoardViews, options: CameraOptions) -> _Found | None:
@@ -221,8 +270,9 @@ def _surplus(one: _Found, other: _Found) -> float:
 
 def _chosen(found: dict[str, _Found], failed: dict[str, LensTrial]) -> LensChoice:
     """Return the likeliest lens among those that do as well as the best."""
-    best = min(found, key=lambda lens: float(found[lens].left_out.mean()))
-    order = [lens for lens in (POLYNOMIAL, FISHEYE, RATIONAL) if lens in found]
+    best = min(found, key=lambda lens: found[lens].mean)
+    apart = [lens for lens in found if lens not in LENSES]
+    order = [lens for lens in (POLYNOMIAL, *apart, FISHEYE, RATIONAL) if lens in found]
     as_well = [lens for lens in order if not found[lens].worse_than(found[best])]
     clean = [lens for lens in as_well if not found[lens].flawed] or as_well
     taken = clean[0]

@@ -10,14 +10,12 @@ _TOLD_FROM_ZERO = 3.0
 """Standard deviations below which the term that folds an image may as well be zero."""
 
 
-def folds_of(
-    sides: tuple[str, ...], cameras: tuple[Camera, ...], image_size: tuple[int, int]
-) -> dict[str, str]:
+def folds_of(sides: tuple[str, ...], cameras: tuple[Camera, ...]) -> dict[str, str]:
     """Return camera -> what to say of it, for each lens that folds its image."""
     words = {}
-    width, height = image_size
-    edge = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]], dtype=float)
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     for side, camera in zip(sides, cameras, strict=True):
+        edge = corners * (np.array(camera.image_size) - 1.0)
         if camera.folds(edge).any():
             words[side] = (
                 f"the distortion of the {side} camera is not monotone up to the image's corners: "

@@ -58,7 +58,8 @@ def lens_misfits(calibration: CameraCalibration, aspect: float | None = None) ->
         One a camera.
     """
     views, inliers = calibration.views, (~calibration.outliers).astype(float)
-    block = BoardResiduals(views, calibration.X_LG, 1.0, aspect, calibration.cameras[0].lens)
+    lenses = tuple(camera.lens for camera in calibration.cameras)
+    block = BoardResiduals(views, calibration.X_LG, 1.0, aspect, lenses)
     parts = block.evaluate_parts(block.start_of(calibration.cameras, calibration.X_LG))
     residuals, by_shared, by_own = parts
 
@@ -113,7 +114,7 @@ def _fields(calibration: CameraCalibration, camera: int) -> NDArray:
     views = calibration.views
     sides = slice(2 * camera, 2 * camera + 2)
     predicted = np.nan_to_num(views.pixels - calibration.residuals)[:, :, sides]
-    out = predicted - 0.5 * (np.array(views.image_size) - 1.0)
+    out = predicted - 0.5 * (np.array(views.image_sizes[camera]) - 1.0)
     radius = np.linalg.norm(out, axis=2)
     along = out / np.maximum(radius, 1e-9)[..., None]
     across = np.stack([-along[..., 1], along[..., 0]], axis=-1)

@@ -196,7 +196,7 @@ def _pixel_slopes(
         slopes.append(np.einsum("nij,nj->ni", found.by_point[:, own], way)[:, :, None])
     if cameras:
         p_LQ = apply(rig.left.X_CW, behind)
-        by_rig = project_to_cameras(p_LQ.T, rig.values, rig.lens)[2]
+        by_rig = project_to_cameras(p_LQ.T, rig.values, rig.lenses)[2]
         wrong = [rig.names.index(name) for name in cameras]
         slopes.append(by_rig[wrong, own].transpose(2, 1, 0))
     return np.concatenate(slopes, axis=2)

@@ -22,7 +22,6 @@ from nico_selfmodel.estimation.observations.pixel_observations import (
 )
 from nico_selfmodel.model.arm.bending import BACKLASH
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
-from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
 
@@ -219,7 +218,7 @@ def _by_pixels(model: SelfModel, dataset: Dataset, sigma: float | None) -> HandO
         )
     observations = PixelObservations.from_dataset(dataset, model.markers)
     arm = DhArm(observations.arm, model.parameters)
-    block = HandPixels(observations, arm, lens=rig.lens)
+    block = HandPixels(observations, arm, lens=rig.lenses)
     sensor = sigma or dataset.pixel_sigma_px or model.pixel_sigma
     if sensor is None:
         raise ModelError(f"self-model {model.name!r} states no pixel_sigma_px: learn it anew")
@@ -267,7 +266,7 @@ def with_values(model: SelfModel, names: tuple[str, ...], x: NDArray) -> SelfMod
     try:
         cameras = dict(model.cameras)
         if len(names) > split:
-            rig = StereoRig.from_values(x[split:], model.rig.left.image_size, model.rig.lens)
+            rig = model.rig.with_values(x[split:])
             cameras = {"left": rig.left, "right": rig.right}
         return replace(
             model,

@@ -11,8 +11,14 @@ from nico_selfmodel.estimation.observations.arm_views import ArmView
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_slope
 from nico_selfmodel.model.arm.line_kinematics import cross
-from nico_selfmodel.model.cameras.projection import POLYNOMIAL, intrinsics_of, project_in_camera
-from nico_selfmodel.model.cameras.rig_parameters import SIDES, rig_names
+from nico_selfmodel.model.cameras.projection import POLYNOMIAL, project_in_camera
+from nico_selfmodel.model.cameras.rig_parameters import (
+    SIDES,
+    Lenses,
+    each_lens,
+    inside_of,
+    rig_names,
+)
 
 
 class HandPixels:
@@ -29,7 +35,7 @@ class HandPixels:
         observations: PixelObservations,
         arm: ArmView,
         whitening: NDArray | None = None,
-        lens: str = POLYNOMIAL,
+        lens: Lenses = POLYNOMIAL,
     ) -> None:
         """Take the data.
 
@@ -38,7 +44,7 @@ class HandPixels:
             arm: How the arm is written down.
             whitening: Of each row's pixels, zero where not seen (`HandNoise.whitening`); one
                 pixel each if omitted. Shape (N, 4, 4).
-            lens: Of both cameras.
+            lens: Of both cameras, or one each.
         """
         self.observations, self.arm, self.lens = observations, arm, lens
         self.names = (*arm.names, *rig_names(SIDES, lens))
@@ -89,7 +95,7 @@ class HandPixels:
 
 
 def project_to_cameras(
-    p_LH: NDArray, cameras: NDArray, lens: str = POLYNOMIAL
+    p_LH: NDArray, cameras: NDArray, lens: Lenses = POLYNOMIAL
 ) -> tuple[NDArray, NDArray, NDArray]:
     """Project points of the left camera's frame into both cameras, with derivatives.
 
@@ -97,25 +103,25 @@ def project_to_cameras(
         p_LH: Points [m]. Shape (3, N).
         cameras: Values of `StereoRig.names`: both insides, and the right camera's pose; of
             polynomial lenses, shape (26,).
-        lens: Of both cameras.
+        lens: Of both cameras, or one each.
 
     Returns:
         Pixels, shape (4, N), derivatives by the point, shape (4, 3, N), and by the cameras, shape
         (26, 4, N).
     """
-    inside = len(intrinsics_of(lens))
-    left, right, turn, place = np.split(cameras, [inside, 2 * inside, 2 * inside + 3])
+    (of_left, of_right), in_left, in_right = each_lens(lens, 2), *inside_of(lens, 2)
+    left, right, turn, place = np.split(cameras, [in_left.stop, in_right.stop, in_right.stop + 3])
     rotation = rotation_from_vector(turn)
     away = p_LH - place[:, None]
     pixels = np.empty((4, p_LH.shape[1]))
     by_point = np.empty((4, 3, p_LH.shape[1]))
     by_cameras = np.zeros((len(cameras), 4, p_LH.shape[1]))
-    pixels[:2], by_point[:2], by_left = project_in_camera(p_LH, left, lens)
-    by_cameras[:inside, :2] = by_left.swapaxes(0, 1)
-    pixels[2:], in_right, by_right = project_in_camera(rotation.T @ away, right, lens)
-    by_cameras[inside : 2 * inside, 2:] = by_right.swapaxes(0, 1)
+    pixels[:2], by_point[:2], by_left = project_in_camera(p_LH, left, of_left)
+    by_cameras[in_left, :2] = by_left.swapaxes(0, 1)
+    pixels[2:], by_p_R, by_right = project_in_camera(rotation.T @ away, right, of_right)
+    by_cameras[in_right, 2:] = by_right.swapaxes(0, 1)
     # p_R = R' exp(-[w]) (p - t - dt): d/dp = R', d/dw = R' [p - t]x, d/dt = -R'
-    by_point[2:] = np.einsum("ij,ajn->ain", rotation, in_right)
+    by_point[2:] = np.einsum("ij,ajn->ain", rotation, by_p_R)
     about = cross(by_point[2:].swapaxes(0, 1), away[:, None])
     by_cameras[-6:-3, 2:] = np.einsum("ij,ian->jan", rotation_vector_slope(turn), about)
     by_cameras[-3:, 2:] = -by_point[2:].swapaxes(0, 1)

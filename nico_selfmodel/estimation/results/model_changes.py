@@ -94,11 +94,9 @@ def named_values(model: SelfModel) -> dict[str, tuple[float, str]]:
 
 def _camera_values(model: SelfModel) -> dict[str, tuple[float, str]]:
     names, cameras = model.camera_names, [model.cameras[name] for name in model.camera_names]
-    lens = cameras[0].lens
-    if any(camera.lens != lens for camera in cameras):
-        return {}
-    numbers = zip(rig_values(cameras).tolist(), rig_units(len(cameras), lens), strict=True)
-    values = dict(zip(rig_names(names, lens), numbers, strict=True))
+    lenses = [camera.lens for camera in cameras]
+    numbers = zip(rig_values(cameras).tolist(), rig_units(len(cameras), lenses), strict=True)
+    values = dict(zip(rig_names(names, lenses), numbers, strict=True))
     if len(cameras) == 2:
         apart = cameras[1].X_WC[:3, 3] - cameras[0].X_WC[:3, 3]
         values["baseline"] = (float(np.linalg.norm(apart)), "m")

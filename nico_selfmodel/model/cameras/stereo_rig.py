@@ -14,8 +14,14 @@ from nico_selfmodel.geometry.epipolar import (
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.cameras.projection import POLYNOMIAL, project_in_camera
-from nico_selfmodel.model.cameras.rig_parameters import SIDES, rig_names, rig_units, rig_values
+from nico_selfmodel.model.cameras.projection import project_in_camera
+from nico_selfmodel.model.cameras.rig_parameters import (
+    SIDES,
+    inside_of,
+    rig_names,
+    rig_units,
+    rig_values,
+)
 
 _GAUSS_NEWTON_STEPS = 20
 _INFINITE = 1e5
@@ -45,14 +51,6 @@ class StereoRig:
     right: Camera
     """The right camera."""
 
-    def __post_init__(self) -> None:
-        """Refuse cameras of different kinds: their parameters are told together."""
-        if self.left.lens != self.right.lens:
-            raise ValueError(
-                f"both cameras of a rig have one kind of lens, got {self.left.lens} and "
-                f"{self.right.lens}"
-            )
-
     @property
     def cameras(self) -> tuple[Camera, Camera]:
         """Left and right."""
@@ -71,12 +69,12 @@ class StereoRig:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all parameters, in the order of `values`."""
-        return rig_names(SIDES, self.lens)
+        return rig_names(SIDES, self.lenses)
 
     @property
-    def lens(self) -> str:
-        """The lens of both cameras, one of `projection.LENSES`."""
-        return self.left.lens
+    def lenses(self) -> tuple[str, str]:
+        """What bends the light of each, of `projection.LENSES`."""
+        return self.left.lens, self.right.lens
 
     @property
     def values(self) -> NDArray:
@@ -86,26 +84,23 @@ class StereoRig:
     @property
     def units(self) -> tuple[str, ...]:
         """Units of `names`."""
-        return rig_units(2, self.lens)
+        return rig_units(2, self.lenses)
 
-    @classmethod
-    def from_values(
-        cls, values: NDArray, image_size: tuple[int, int], lens: str = POLYNOMIAL
-    ) -> "StereoRig":
-        """Return the cameras that have given `values`, the left one at the world.
+    def with_values(self, values: NDArray) -> "StereoRig":
+        """Return the same lenses and images with other `values`, the left camera at the world.
 
         Args:
-            values: Both cameras' intrinsics, then the right one's pose. Shape (26,).
-            image_size: Width and height [px].
-            lens: Of both.
+            values: Both cameras' intrinsics, then the right one's pose. Shape (26,) of polynomials.
 
         Raises:
             ValueError: If a focal length is not positive.
         """
-        inside, pose = values[:-6].reshape(2, -1), values[-6:]
-        X_LR = transform(rotation_from_vector(pose[:3]), pose[3:])
-        left = Camera.from_values(inside[0], image_size, lens=lens)
-        return cls(left, Camera.from_values(inside[1], image_size, X_LR, lens))
+        left, right = inside_of(self.lenses, 2)
+        X_LR = transform(rotation_from_vector(values[-6:-3]), values[-3:])
+        return StereoRig(
+            Camera.from_values(values[left], self.left.image_size, lens=self.left.lens),
+            Camera.from_values(values[right], self.right.image_size, X_LR, self.right.lens),
+        )
 
     def moved(self, X_WV: ArrayLike) -> "StereoRig":
         """Return the rig seen from another world V, whose pose in W is given. Shape (4, 4)."""

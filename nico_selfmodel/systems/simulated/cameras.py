@@ -118,7 +118,7 @@ def views_of_boards(
             seen.append(pixels + rng.normal(0.0, pixel_sigma, pixels.shape))
             if len(seen) == count:
                 names = tuple(f"{i + 1:02d}" for i in range(count))
-                return BoardViews(p_GQ, names, SIDES, np.array(seen), size)
+                return BoardViews(p_GQ, names, SIDES, np.array(seen), (size, size))
     width = 1e3 * np.ptp(p_GQ, axis=0).max()
     raise ValueError(f"a board of {width:.0f} mm does not fit into both images")
 

@@ -118,7 +118,8 @@ def detect_boards(
         The corners, in the same order in both cameras.
 
     Raises:
-        DataError: If the images cannot be read or paired, differ in size, or show no such board.
+        DataError: If the images cannot be read or paired, those of a camera differ in size, or show
+            no such board.
     """
     pairs = stereo_pairs(images) if isinstance(images, str | Path) else list(images)
     left = [(name, path) for name, path, _ in pairs]
@@ -145,7 +146,8 @@ def detect_boards_of_cameras(
         The corners, in the same order in all cameras.
 
     Raises:
-        DataError: If an image cannot be read, sizes differ, or no image shows such a board.
+        DataError: If an image cannot be read, those of a camera differ in size, or no image shows
+            such a board.
     """
     files = {camera: dict(listed) for camera, listed in images.items()}
     names = _views_of(files)
@@ -156,7 +158,7 @@ def detect_boards_of_cameras(
         if name in of_camera
     ]
     paths = [path for _, _, path in everything]
-    found, size = _find(paths, board, window, progress)
+    found, sizes = _find(paths, board, window, progress)
     pixels = np.full((len(names), len(board.points), len(files), 2), np.nan)
     columns, rows = list(files), {name: k for k, name in enumerate(names)}
     for (camera, name, _), corners in zip(everything, _corners(found, board), strict=True):
@@ -166,7 +168,8 @@ def detect_boards_of_cameras(
             corners = board.same_order(seen[:, others[0]], corners)
         seen[:, columns.index(camera)] = corners
     flat = pixels.reshape(len(names), len(board.points), -1)
-    views = BoardViews(board.points, names, tuple(files), flat, size)
+    by_camera_size = [_size_of(camera, of_camera, sizes) for camera, of_camera in files.items()]
+    views = BoardViews(board.points, names, tuple(files), flat, tuple(by_camera_size))
     by_camera = {
         camera: {name: of_camera[name] for name in names if name in of_camera}
         for camera, of_camera in files.items()
@@ -192,26 +195,42 @@ def _labels(files: Iterable[Path]) -> dict[Path, str]:
 
 def _find(
     files: Sequence[Path], board: AnyBoard, window: int, progress: Progress | None
-) -> tuple[list[BoardDetection | NotSeen], tuple[int, int]]:
+) -> tuple[list[BoardDetection | NotSeen], dict[Path, tuple[int, int]]]:
+    """Return what was found in each image, and width and height of all."""
     if not files:
         raise DataError("no images were given")
     found: list[BoardDetection | NotSeen] = []
-    sizes: dict[tuple[int, int], Path] = {}
+    sizes: dict[Path, tuple[int, int]] = {}
     for done, path in enumerate(files, start=1):
         image = read_image(path)
-        sizes.setdefault((image.shape[1], image.shape[0]), path)
+        sizes[path] = (image.shape[1], image.shape[0])
         with looking_at(path):
             found.append(board.find(image, window))
         if progress:
             progress("looking for boards", done, len(files))
-    if len(sizes) > 1:
-        seen = listed(f"{path.name} has {w}x{h}" for (w, h), path in sizes.items())
-        raise DataError(f"{files[0].parent}: images of different sizes: {seen} pixels")
     detections = [item for item in found if isinstance(item, BoardDetection)]
     if not detections:
         raise DataError(_no_board(files, board, _not_seen(files, found)))
     _warn_of_small_squares(detections, window)
-    return found, next(iter(sizes))
+    return found, sizes
+
+
+def _size_of(
+    camera: str, files: Mapping[str, Path], sizes: Mapping[Path, tuple[int, int]]
+) -> tuple[int, int]:
+    """Return width and height of a camera's images.
+
+    Raises:
+        DataError: If they differ.
+    """
+    different: dict[tuple[int, int], Path] = {}
+    for path in files.values():
+        different.setdefault(sizes[path], path)
+    if len(different) > 1:
+        seen = listed(f"{path.name} has {w}x{h}" for (w, h), path in different.items())
+        folder = next(iter(files.values())).parent
+        raise DataError(f"{folder}: images of {camera!r} have different sizes: {seen} pixels")
+    return next(iter(different))
 
 
 def _corners(found: Sequence[BoardDetection | NotSeen], board: AnyBoard) -> NDArray:

@@ -44,7 +44,7 @@ def coverage(assessment: CameraAssessment) -> Figure:
         for axes, side in zip(panels, views.cameras, strict=True):
             pixels = views.of_camera(side)[inliers].reshape(-1, 2)
             pixels = pixels[np.isfinite(pixels).all(axis=1)]
-            counts, u, v = cell_counts(pixels, views.image_size)
+            counts, u, v = cell_counts(pixels, views.size_of(side))
             shares.append(f"{100.0 * np.mean(counts > 0):.0f} %")
             empty_corners += int(np.sum(counts[[0, 0, -1, -1], [0, -1, 0, -1]] == 0))
             _density(axes, side, counts, u, v)
@@ -125,19 +125,20 @@ def _coverage_words(sides: tuple[str, ...], shares: list[str], reached: int) -> 
 
 def image_panels(assessment: CameraAssessment) -> tuple[Figure, list[Axes]]:
     """Return a figure with one panel a camera, laid out as its image."""
-    width, height = assessment.calibration.views.image_size
-    sides = assessment.calibration.views.cameras
+    views = assessment.calibration.views
+    sides, sizes = views.cameras, views.image_sizes
     columns = len(sides) if len(sides) <= 3 else 2 if len(sides) == 4 else 3
     rows = -(-len(sides) // columns)
     inches = FULL_WIDTH if len(sides) > 1 else HALF_WIDTH
     panel = (inches - 0.6 * columns) / columns
-    figure = Figure(figsize=(inches, 0.75 + rows * (0.6 + panel * height / width)))
+    tall = max(height / width for width, height in sizes)
+    figure = Figure(figsize=(inches, 0.75 + rows * (0.6 + panel * tall)))
     # Down the columns, which narrow pages show one below the other.
     every = list(figure.subplots(rows, columns, squeeze=False).T.ravel())
     for unused in every[len(sides) :]:
         unused.set_axis_off()
     panels = every[: len(sides)]
-    for axes in panels:
+    for axes, (width, height) in zip(panels, sizes, strict=True):
         axes.set_xlim(-0.03 * width, 1.03 * width)
         axes.set_ylim(1.03 * height, -0.03 * height)
         axes.set_aspect("equal")

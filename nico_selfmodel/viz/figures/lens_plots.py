@@ -93,7 +93,7 @@ def _profile_panel(axes: Axes, assessment: CameraAssessment, side: str, camera: 
     calibration = assessment.calibration
     focal = 0.5 * (camera.fx + camera.fy)
     center = np.array([camera.cx, camera.cy])
-    size = np.array(calibration.views.image_size, dtype=float)
+    size = np.array(camera.image_size, dtype=float)
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * (size - 1.0)
     reach = float(np.linalg.norm(corners - center, axis=1).max())
     r = _radii_up_to(camera, reach / focal)

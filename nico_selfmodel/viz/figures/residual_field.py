@@ -44,7 +44,7 @@ def residual_field(assessment: CameraAssessment) -> Figure:
     """Draw residuals where they lie in the image, and the means of cells, each at its own scale."""
     views = assessment.calibration.views
     fields = [field_of(assessment, k) for k in range(len(views.cameras))]
-    width = views.image_size[0]
+    width = max(wide for wide, _ in views.image_sizes)
     lengths = np.concatenate([np.linalg.norm(field.residuals, axis=1) for field in fields])
     means = np.concatenate([np.linalg.norm(field.means, axis=1) for field in fields])
     factor = _factor(float(np.percentile(lengths, 95)) if len(lengths) else 0.0, _ARROW * width)
@@ -76,7 +76,7 @@ def field_of(assessment: CameraAssessment, camera: int) -> Field:
     pixels, residuals = pixels[seen], residuals[seen]
     sigma = _MAD_TO_SIGMA * np.median(np.abs(residuals)) if len(residuals) else 0.0
     tame = np.clip(residuals, -_FAR * sigma, _FAR * sigma)
-    _, u, v = cell_counts(pixels, calibration.views.image_size)
+    _, u, v = cell_counts(pixels, calibration.views.image_sizes[camera])
     i, j = (np.digitize(pixels[:, k], edges) for k, edges in enumerate((u, v)))
     # Corners of one view share its board's errors: each view counts once in a cell.
     pairs, row = np.unique(

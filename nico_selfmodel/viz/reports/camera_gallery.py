@@ -45,6 +45,8 @@ class Thumbnail:
     """The first row of corners as an SVG path, so that their order shows."""
     far: tuple[tuple[float, float], ...]
     """Corners that fit far worse than the others [px]."""
+    stroke: float
+    """Width of its lines [px]."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +67,6 @@ class Gallery:
 
     rows: tuple[GalleryRow, ...]
     """One a view."""
-    stroke: float
-    """Width of the lines drawn over them [px]."""
 
 
 def gallery(
@@ -100,10 +100,10 @@ def gallery(
     colors = palette.camera_colors(calibration.views.cameras)
 
     def thumbnail(camera: CameraView, name: str) -> Thumbnail:
-        image = photograph_of(images, camera.side, name, calibration.views.image_size)
+        size = calibration.views.size_of(camera.side)
+        image = photograph_of(images, camera.side, name, size)
         small = None if image is None else shrunk(image, width)
-        color = colors[camera.side]
-        return _thumbnail(camera, color, small, calibration.views.image_size, columns, far, notes)
+        return _thumbnail(camera, colors[camera.side], small, size, columns, far, notes)
 
     rows = tuple(
         GalleryRow(
@@ -111,7 +111,7 @@ def gallery(
         )
         for view in views
     )
-    return Gallery(rows, _STROKE * calibration.views.image_size[0])
+    return Gallery(rows)
 
 
 def _thumbnail(
@@ -145,6 +145,7 @@ def _thumbnail(
         crosses,
         f"M{'L'.join(row)}" if len(row) > 1 else "",
         tuple((round(u, 1), round(v, 1)) for u, v in beyond.tolist()),
+        _STROKE * image_size[0],
     )
 
 

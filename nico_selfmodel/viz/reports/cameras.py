@@ -78,12 +78,12 @@ def _learned(
     """Return the lenses, one column a camera."""
     calibration = assessment.calibration
     found = shared_sections.parameter_tables(document, calibration.uncertainty)
-    form = "distort(X/Z, Y/Z)"
-    if assessment.lens == FISHEYE:
-        form = "θ(1 + k1 θ² + ... + k4 θ⁸) along (X, Y), θ the angle off the axis"
+    fisheye = "θ(1 + k1 θ² + ... + k4 θ⁸) along (X, Y), θ the angle off the axis"
+    kinds = {camera.lens == FISHEYE for camera in calibration.cameras}
+    forms = [fisheye if kind else "distort(X/Z, Y/Z)" for kind in sorted(kinds)]
     words = (
-        f"Pixel = K · {form}, in OpenCV's conventions. Beside each value its standard "
-        "deviation; fixed values are chosen, not measured."
+        f"Pixel = K · {', of fisheyes K · '.join(forms)}, in OpenCV's conventions. Beside each "
+        "value its standard deviation; fixed values are chosen, not measured."
     )
     cameras = calibration.views.cameras
     kind = "lens" if len(cameras) <= 2 else ""  # of many, sigmas stand below their values
@@ -300,13 +300,20 @@ def view_table(views: tuple[ShownView, ...]) -> Table:
 def _provenance(
     assessment: CameraAssessment, document: Mapping[str, Any], model: SelfModel | None
 ) -> parts.Section:
-    width, height = assessment.calibration.views.image_size
+    views = assessment.calibration.views
+    sizes = {
+        camera: f"{width} x {height} px"
+        for camera, (width, height) in zip(views.cameras, views.image_sizes, strict=True)
+    }
+    one = set(sizes.values())
     noise, detection = document["pixel_sigma_px"], document.get("detection") or {}
     told = {key: value for key, value in detection.items() if key not in ("files", "not_seen")}
     found = {
         **({} if model is None else {**model.provenance, **model.fit}),
         **{f"detection {key}": value for key, value in told.items()},
-        "image size": f"{width} x {height} px",
+        "image size": one.pop()
+        if len(one) == 1
+        else ", ".join(f"{camera} {size}" for camera, size in sizes.items()),
         "noise of a coordinate": "not known" if noise is None else f"{noise:.3f} px",
     }
     return shared_sections.provenance_section(document, found)

@@ -63,7 +63,7 @@ def camera_scene(
     items: list[Item] = []
     colors = palette.camera_colors(calibration.views.cameras)
     for side, plane in planes.items():
-        size = calibration.views.image_size
+        size = calibration.views.size_of(side)
         image = photograph_of(images, side, calibration.views.names[view], size)
         items += camera_items(side, plane, image, colors[side])
     items += _boards(calibration, view)

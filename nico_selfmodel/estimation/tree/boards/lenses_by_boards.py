@@ -101,4 +101,4 @@ def _views(
             picture[rows.marker[own]] = rows.measured[own]
             names.append(f"{data.sample[sample]} {rows.mirror}".strip())
             pixels.append(picture[corners])
-    return BoardViews(p, tuple(names), (camera,), np.stack(pixels), size)
+    return BoardViews(p, tuple(names), (camera,), np.stack(pixels), (size,))
