@@ -29,7 +29,7 @@ def test_an_arm_follows_its_cameras_as_their_covariance_says(name, step):
     cameras = scenario().cameras
     values = cameras.rig.values
     values[rig_names().index(name)] += step
-    rig = StereoRig.from_values(values, cameras.rig.left.image_size)
+    rig = cameras.rig.with_values(values)
     moved = replace(cameras, cameras={"left": rig.left, "right": rig.right}, covariance=None)
     (stereo, before), (_, after) = through(cameras), through(moved)
     free = before.uncertainty.names
