@@ -1,5 +1,7 @@
 """Fisheyes and rational lenses: learned to what OpenCV reaches, and chosen by unseen boards."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -35,6 +37,34 @@ def test_boards_choose_their_lens_and_it_passes(kind, seed):
     learned = choice.calibration
     assert judge(CameraAssessment.from_calibration(learned, choice.options, test)).status == "PASS"
     assert bool(choice.tried) == (kind == "fisheye")
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_decentred_lens_has_its_p1_and_p2_let_move(seed):
+    (camera,), _, _ = scene("polynomial", seed)
+    rng = np.random.default_rng((seed, 6))
+    aside = replace(camera, p1=1.5e-3, p2=-1e-3)
+    train, test = wide_views((aside,), rng), wide_views((aside,), rng, 8)
+    choice = lens_of(train, CameraOptions(lens="auto"))
+    assert (choice.lens, choice.decentred) == ("polynomial", ("left",))
+    found, sigma = choice.calibration, choice.calibration.uncertainty.sigma
+    for name, truth in (("left.p1", 1.5e-3), ("left.p2", -1e-3)):
+        column = found.names.index(name)
+        assert abs(getattr(found.cameras[0], name[-2:]) - truth) < 4.0 * sigma[column]
+    extra = (test, None, choice.better, choice.decentred)
+    verdict = judge(CameraAssessment.from_calibration(found, choice.options, *extra))
+    assert verdict.status == "PASS"
+    assert any("decentred: p1 and p2 of left" in reason for reason in verdict.reasons)
+
+
+def test_p1_and_p2_stay_where_boards_gain_nothing_or_the_user_holds_them():
+    (camera,), train, _ = scene("polynomial", 3)
+    assert lens_of(train, CameraOptions(lens="auto")).decentred == ()
+    aside = wide_views((replace(camera, p1=1.5e-3),), np.random.default_rng(8))
+    held = CameraOptions(lens="auto", pinned={"p1": 0.0, "p2": 0.0})
+    assert lens_of(aside, held).decentred == ()
+    asked = CameraOptions(lens="auto", tangential=True)
+    assert lens_of(aside, asked).decentred == ()
 
 
 @pytest.mark.slow

@@ -53,6 +53,8 @@ class CameraAssessment:
     """The lens by which unseen boards are met better than by the one that was asked for."""
     known: KnownCameras | None = None
     """What the cameras that were known before leave; None where none were given."""
+    decentred: tuple[str, ...] = ()
+    """Cameras whose p1 and p2 were let move because the boards ask for it."""
 
     @classmethod
     def from_calibration(
@@ -62,6 +64,7 @@ class CameraAssessment:
         test: BoardViews | None = None,
         known: SelfModel | None = None,
         better_lens: str | None = None,
+        decentred: tuple[str, ...] = (),
     ) -> "CameraAssessment":
         """Cross-validate, and hold against other views where given.
 
@@ -71,6 +74,7 @@ class CameraAssessment:
             test: Views that were held out.
             known: The cameras as they were known before, to be compared.
             better_lens: `LensChoice.better`.
+            decentred: `LensChoice.decentred`.
 
         Returns:
             The assessment.
@@ -95,6 +99,7 @@ class CameraAssessment:
             ),
             better_lens,
             None if known is None else KnownCameras.on(known, shown, test is not None),
+            decentred,
         )
 
     def lens_of(self, camera: str) -> str:
@@ -215,10 +220,10 @@ def words_of_misfit(misfit: LensMisfit, lens: str) -> str:
         f"the lens of the {misfit.camera} camera bends light as its model does not: corners lie "
         f"{misfit.size_px:.2f} px off in a pattern over the image, {share} % of their squared error"
     )
-    if lens != POLYNOMIAL:
-        return f"{words}; --lens auto takes the best of the lenses there are"
     if misfit.held:
         return f"{words}; let {' and '.join(f'`{name}`' for name in misfit.held)} move"
+    if lens != POLYNOMIAL:
+        return f"{words}; --lens auto takes the best of the lenses there are"
     return (
         f"{words}; fisheyes and other wide lenses are not described by k1 to k3: let the boards "
         "choose with --lens auto"

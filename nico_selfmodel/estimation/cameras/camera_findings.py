@@ -17,6 +17,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     Finding,
     findings,
 )
+from nico_selfmodel.names import listed
 
 _EXCESSIVE = 3.0
 """Ratio of root mean squares that needs no statistics: of a handful of boards, or one wrong one."""
@@ -45,6 +46,11 @@ def camera_findings(assessment: CameraAssessment) -> tuple[Finding, ...]:
     if distances is not None and assessment.test_views is not None:
         rms, boards = np.sqrt(np.mean(distances**2)), len(assessment.test_views)
         said = [f"{rms:.3f} px rms on {boards} boards that were held out"]
+    if assessment.decentred:
+        said.append(
+            f"decentred: p1 and p2 of {listed(assessment.decentred)} explain what residuals have "
+            "in common over the image, and were let move"
+        )
     return (
         *findings(FAILURE, failures),
         *findings(LAST, [_excess_reason(assessment)]),

@@ -8,6 +8,9 @@ one stays under which the corners learned from are likeliest, each number counte
 logarithm (Akaike 1974), unless its residuals still have something in common, or it folds the
 image. Where the last coefficient folds it and boards do no worse without, it is left out.
 
+Where p1 and p2, held at zero, would explain more of the residuals than chance does, all is tried
+with both free, too: the lens is decentred if boards that were left out gain by that.
+
 Cameras of a rig have one lens, unless they are not alike: images of other sizes, or angles of view
 that differ by a fifth. Then the lenses that the boards of each camera by itself tell stand for
 choice, too.
@@ -67,6 +70,8 @@ class LensChoice:
     """Those that were tried; empty where the polynomial leaves nothing to ask."""
     better: str | None = None
     """The lens by which unseen boards are met better than by the one that was asked for."""
+    decentred: tuple[str, ...] = ()
+    """Cameras whose p1 and p2 were let move because the boards ask for it."""
 
     @property
     def lens(self) -> str:
@@ -79,7 +84,7 @@ class LensChoice:
             {"lens": t.lens, "left_out_px": finite(t.left_out_px), "reason": t.reason}
             for t in self.tried
         ]
-        return {"kind": self.lens, "tried": tried}
+        return {"kind": self.lens, "tried": tried, "decentred": list(self.decentred)}
 
 
 def lens_of(views: BoardViews, options: CameraOptions) -> LensChoice:
@@ -96,6 +101,18 @@ def lens_of(views: BoardViews, options: CameraOptions) -> LensChoice:
     views = views.placeable()
     if options.lens != AUTO:
         return _compared(views, options)
+    choice = _best_of(views, options)
+    decentred = _decentred(views, options, choice)
+    if not decentred:
+        return choice
+    freed = _best_of(views, replace(options, tangential=True))
+    before, after = _found(views, choice.options), _found(views, freed.options)
+    gains = after is not None and (before is None or before.worse_than(after))
+    return replace(freed, decentred=decentred) if gains else choice
+
+
+def _best_of(views: BoardViews, options: CameraOptions) -> LensChoice:
+    """Return the lens that boards tell, p1 and p2 free or held as the options say."""
     plain = replace(options, lens=POLYNOMIAL)
     try:
         found = calibrate_cameras(views, plain)
@@ -110,6 +127,23 @@ def lens_of(views: BoardViews, options: CameraOptions) -> LensChoice:
     tried = _tried(views, options, LENSES)
     tried |= _tried_apart(views, options, tried)
     return _chosen(tried, {}) if tried else LensChoice(plain, found)
+
+
+def _decentred(views: BoardViews, options: CameraOptions, choice: LensChoice) -> tuple[str, ...]:
+    """Return cameras of which p1 and p2, held without having been asked for, are not zero.
+
+    Fisheyes have neither: what the polynomial would do with them is asked.
+    """
+    if options.tangential or {"p1", "p2"} & {name[-2:] for name in options.pinned}:
+        return ()
+    if choice.lens != FISHEYE:
+        misfits = _misfits(choice.calibration, options)
+        return tuple(misfit.camera for misfit in misfits if misfit.is_decentred)
+    try:
+        misfits = _misfits(calibrate_cameras(views, replace(options, lens=POLYNOMIAL)), options)
+    except (EstimationError, ModelError):
+        return ()
+    return tuple(misfit.camera for misfit in misfits if misfit.held[:1] == (f"{misfit.camera}.p1",))
 
 
 def _compared(views: BoardViews, options: CameraOptions) -> LensChoice:

@@ -40,11 +40,18 @@ class LensMisfit:
     """Root mean square displacement [px]."""
     held: tuple[str, ...]
     """Parameters that are held and would explain at least half of it."""
+    decentred: float = 0.0
+    """Standard score of the test for p1 and p2 alone; 0 where they are not held."""
 
     @property
     def is_certain(self) -> bool:
         """Whether chance cannot explain it."""
         return self.certain >= _CERTAIN
+
+    @property
+    def is_decentred(self) -> bool:
+        """Whether chance cannot explain what p1 and p2, held, would explain."""
+        return self.decentred >= _CERTAIN
 
 
 def lens_misfits(calibration: CameraCalibration, aspect: float | None = None) -> list[LensMisfit]:
@@ -82,27 +89,43 @@ def lens_misfits(calibration: CameraCalibration, aspect: float | None = None) ->
         total = float(np.sum((r * seen.ravel()) ** 2))
         # Half of what a board's pose takes up belongs to each camera of a pair.
         n = max(int(seen.sum()) - 6 * int(inliers.sum()) // len(views.cameras), 1)
-        held: tuple[str, ...] = ()
-        for names in ([f"{camera}.{name}" for name in group] for group in _HELD):
+        would: dict[tuple[str, ...], float] = {}
+        for names in (tuple(f"{camera}.{name}" for name in group) for group in _HELD):
             rows = [block.shared_names.index(name) for name in names if name in block.shared_names]
-            if not held and rows and not set(names) & set(calibration.names):
-                held = tuple(names) if explained_by(by_shared[:, rows])[0] > 0.5 * explained else ()
-        found.append(_misfit(camera, explained, total, n, k, held))
+            if rows and not set(names) & set(calibration.names):
+                would[names] = explained_by(by_shared[:, rows])[0]
+        held = next((names for names, one in would.items() if one > 0.5 * explained), ())
+        aside = _score(would.get((f"{camera}.p1", f"{camera}.p2"), 0.0), total, n, 2)
+        found.append(_misfit(camera, explained, total, n, k, held, aside))
     return found
 
 
+def _score(explained: float, total: float, n: int, k: int) -> float:
+    """Return how many standard deviations F is above one, of k columns that explain so much."""
+    rest, freedom = max(total - explained, 1e-18), n - k
+    if freedom < k or not total or not explained:
+        return 0.0
+    fisher = (explained / k) / (rest / freedom)
+    return float((fisher - 1.0) / np.sqrt(2.0 / k + 2.0 / freedom))
+
+
 def _misfit(
-    camera: str, explained: float, total: float, n: int, k: int, held: tuple[str, ...]
+    camera: str,
+    explained: float,
+    total: float,
+    n: int,
+    k: int,
+    held: tuple[str, ...],
+    aside: float,
 ) -> LensMisfit:
     rest, freedom = max(total - explained, 1e-18), n - k
     if freedom < k or not total:
         return LensMisfit(camera, 0.0, 0.0, 0.0, ())
-    fisher = (explained / k) / (rest / freedom)
-    certain = (fisher - 1.0) / np.sqrt(2.0 / k + 2.0 / freedom)
     # What chance explains as well, k of n coordinates, is taken off.
     share = max(1.0 - rest / total * n / freedom, 0.0)
     size = float(np.sqrt(share * 2.0 * total / n))
-    return LensMisfit(camera, float(certain), float(share), size, held)
+    certain = _score(explained, total, n, k)
+    return LensMisfit(camera, certain, float(share), size, held, aside)
 
 
 def _fields(calibration: CameraCalibration, camera: int) -> NDArray:
