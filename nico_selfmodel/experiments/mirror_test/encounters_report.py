@@ -17,8 +17,9 @@ from nico_selfmodel.experiments.mirror_test.stage_document import stage_document
 from nico_selfmodel.sessions.motion_session import PERIOD
 from nico_selfmodel.viz.figures.mirror_test.contingency_plot import contingency_plot
 
-SELF_WITHIN = 5.0
-"""Bound of the time in which self is told [s]; that of the others is `LONGEST`."""
+SELF_WITHIN, LIKELY = 5.0, 100.0
+"""Bound of the time in which odds for self reach so many to one [s]; the bound of the verdicts on
+others, which take `ODDS` as all verdicts do, is `LONGEST`."""
 ENOUGH = 100
 """Trials in which none may be wrong."""
 
@@ -41,7 +42,8 @@ def encounters_document(stage: EncounterStage) -> dict[str, Any]:
 
 def _row(name: str, trials: list[Trial]) -> dict[str, Any]:
     """Return what happened in one kind of encounter."""
-    told = [t.found.seconds for t in trials if t.found.log_odds.size and _told(t)]
+    known = [t for t in trials if t.found.log_odds.size and _told(t)]
+    told, likely = [t.found.seconds for t in known], [_likely(t) for t in known]
     verdicts = [t.found.verdict for t in trials]
     return {
         "encounter": name,
@@ -52,8 +54,16 @@ def _row(name: str, trials: list[Trial]) -> dict[str, Any]:
         "undecided": sum(not _told(t) for t in trials),
         "median_s": float(np.median(told)) if told else None,
         "longest_s": max(told) if told else None,
+        "longest_to_100_s": max(likely) if likely else None,
         "bound_s": SELF_WITHIN if EXPECTED[name] == SELF else LONGEST,
     }
+
+
+def _likely(trial: Trial) -> float:
+    """Return when odds of `LIKELY` to one were reached, and kept up to the verdict [s]."""
+    odds = trial.found.log_odds[: round(trial.found.seconds / PERIOD)]
+    before = np.flatnonzero(np.sign(odds[-1]) * odds < np.log(LIKELY))
+    return PERIOD * (int(before[-1]) + 2 if len(before) else 1)
 
 
 def _told(trial: Trial) -> bool:
@@ -70,10 +80,11 @@ def _failed(rows: list[dict[str, Any]]) -> list[str]:
             reasons.append(f"{what}{row['wrong']} of {row['trials']} verdicts are wrong")
         if row["undecided"]:
             reasons.append(f"{what}{row['undecided']} of {row['trials']} could not be told")
-        if row["longest_s"] is not None and row["longest_s"] > row["bound_s"]:
-            reasons.append(
-                f"{what}{row['longest_s']:.1f} s, at most {row['bound_s']:g} s are allowed"
-            )
+        own = row["expected"] == SELF
+        longest = row["longest_to_100_s" if own else "longest_s"]
+        if longest is not None and longest > row["bound_s"]:
+            odds = f"odds of {LIKELY:g} to 1 after " if own else ""
+            reasons.append(f"{what}{odds}{longest:.1f} s, at most {row['bound_s']:g} s are allowed")
     return reasons
 
 
@@ -91,7 +102,10 @@ def _robot(stage: EncounterStage, robot: int) -> dict[str, Any]:
 
 def encounters_table(stage: EncounterStage) -> Table:
     """Return a row for each kind of encounter."""
-    headings = ("encounter", "is", "trials", "said", "wrong", "median s", "longest s", "bound s")
+    headings = (
+        *("encounter", "is", "trials", "said", "wrong", "median s", "longest s"),
+        *("100 to 1 s", "bound s"),
+    )
     cells = [
         [
             row["encounter"],
@@ -101,6 +115,7 @@ def encounters_table(stage: EncounterStage) -> Table:
             str(row["wrong"]),
             "-" if row["median_s"] is None else f"{row['median_s']:.1f}",
             "-" if row["longest_s"] is None else f"{row['longest_s']:.1f}",
+            "-" if row["longest_s"] is None else f"{row['longest_to_100_s']:.1f}",
             f"{row['bound_s']:g}",
         ]
         for row in encounters_document(stage)["encounters"]
