@@ -91,16 +91,15 @@ def refine_surface(
 
 
 def _moved(before: ShapeViews, values: NDArray, found: PictureEquations, step: NDArray) -> NDArray:
-    """Return what mirrors move by after a step of the surface; cameras are held. (3 M + c,)."""
-    change = np.zeros(len(values))
+    """Return what mirrors move by after a step of the surface; cameras are held. Shape (3 M,)."""
     pull = found.values_pull - found.coupling.T @ step
+    off, change = before.values - values, []
     for k in range(len(before.mirrors)):
         own = slice(3 * k, 3 * k + 3)
         known = np.linalg.inv(before.covariance[own, own])
         information = found.values[own, own] + known
-        change[own] = pull[own] + known @ (before.values - values)[own]
-        change[own] = np.linalg.solve(information, change[own])
-    return change
+        change.append(np.linalg.solve(information, pull[own] + known @ off[own]))
+    return np.concatenate(change)
 
 
 def _sigma(

@@ -54,27 +54,16 @@ class ShapeViews:
 
     @property
     def values(self) -> NDArray:
-        """What the covariance is of. Shape (3 M + c,)."""
-        return np.concatenate([*(mirror.values for mirror in self.mirrors), self._wrong()])
+        """Of all mirrors in turn. Shape (3 M,)."""
+        return np.concatenate([mirror.values for mirror in self.mirrors])
 
     def placed(self, values: NDArray) -> "ShapeViews":
-        """Return the same pictures with mirrors and cameras that have other values."""
-        planes = values[: 3 * len(self.mirrors)].reshape(-1, 3)
-        inside = self.rig.values.copy()
-        inside[self._columns] = values[3 * len(self.mirrors) :]
-        rig = StereoRig.from_values(inside, self.rig.left.image_size, self.rig.lens)
-        mirrors = tuple(Mirror.from_values(own) for own in planes)
-        return replace(self, mirrors=mirrors, rig=rig)
-
-    @property
-    def _columns(self) -> list[int]:
-        return [self.rig.names.index(name) for name in self.cameras]
-
-    def _wrong(self) -> NDArray:
-        return self.rig.values[self._columns]
+        """Return the same pictures with mirrors elsewhere, by their `values`."""
+        mirrors = [Mirror.from_values(own) for own in values.reshape(-1, 3)]
+        return replace(self, mirrors=tuple(mirrors))
 
     def part(self, view: ShapeView) -> NDArray:
-        """Return which of the values a picture depends on. Shape (3 + c,)."""
+        """Return which of what the covariance is of a picture depends on. Shape (3 + c,)."""
         cameras = 3 * len(self.mirrors) + np.arange(len(self.cameras))
         return np.concatenate([3 * view.mirror + np.arange(3), cameras])
 
@@ -84,7 +73,7 @@ class ShapeViews:
         return [both[v.mirror][:, 2 * v.side : 2 * v.side + 2] for v in self.views]
 
     def slopes(self, p_WQ: NDArray) -> list[tuple[NDArray, NDArray]]:
-        """Return how their pixels move by points, (N, 2, 3), and by values, (N, 2, 3 + c)."""
+        """Return how their pixels move by points, (N, 2, 3), mirror and cameras, (N, 2, 3 + c)."""
         both = [reflected_projection(self.rig.cameras, m.values, p_WQ) for m in self.mirrors]
         by_rig = [self._by_cameras(mirror, p_WQ) for mirror in self.mirrors]
         found = []
@@ -99,7 +88,7 @@ class ShapeViews:
         behind = reflect(mirror.plane_in(self.rig.left.X_WC), p_WQ)
         p_LQ = apply(self.rig.left.X_CW, behind)
         by_rig = project_to_cameras(p_LQ.T, self.rig.values, self.rig.lens)[2]
-        return by_rig[self._columns].transpose(2, 1, 0)
+        return by_rig[[self.rig.names.index(name) for name in self.cameras]].transpose(2, 1, 0)
 
     def centers(self) -> NDArray:
         """Return where the reflected cameras are [m]. Shape (views, 3)."""
