@@ -141,6 +141,7 @@ def _page(
     )
 
 
+DERIVED_SHAPE = "derived: from what mirrors and cameras are known by"
 SET_COLOR = f"{100 * COLOR_SIGMA:g} %: set on robots 0 and 1; more where its looks tell"
 SET_MIDDLE = f"{PIXEL_SIGMA:g} and {LENS_SIGMA:g} px: set on robots 900 and 950"
 SET_UNLIKE = f"{100 * MOST_UNLIKE:g} %: set on robot 900"
@@ -160,7 +161,7 @@ def _given() -> Table:
         ["noise of its pictures, gain of a look", "learned, from its pictures"],
         ["shape of head and chest", "learned, in mirrors (stage 3), and not used by later stages"],
         ["which link a place of that belongs to", "given: the nearest line between its joints"],
-        ["what that shape is off by in all pictures", "derived: mirrors and cameras as known"],
+        ["what that shape is off by in all pictures", DERIVED_SHAPE],
         ["shape and colours of its links in stages 4 to 8", "given, by its description"],
         ["where its finger is on its hand, what may not be touched", "given, by its description"],
         ["light of the room", "given, but for its brightness"],
