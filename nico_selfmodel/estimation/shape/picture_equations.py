@@ -1,7 +1,7 @@
 """What pictures in mirrors tell of how a surface must move along its normals, and of the mirrors.
 
 Light and body stand still, so that a place has one colour c in all mirrors (Lambert); with what
-its normal moves it by d, and its mirror's values by m, a grey level is
+its normal moves it by d, and what its mirror and the cameras are wrong by, m, a grey level is
 
     I_k(x) + g_k d + h_k . m = c + noise,    g = grad I . du/dx . n,    h = grad I . du/dm
 
@@ -34,18 +34,18 @@ _ROUNDS = 3
 
 @dataclass(frozen=True, eq=False)
 class PictureEquations:
-    """Normal equations of a surface's displacements d and the mirrors' values m."""
+    """Normal equations of a surface's displacements d and values m of mirrors and cameras."""
 
     own: NDArray
     """Information of each displacement [1/m^2]. Shape (V,)."""
     pull: NDArray
     """What the pictures ask displacements for. Shape (V,)."""
     coupling: NDArray
-    """Of displacements and mirrors. Shape (V, 3 M)."""
+    """Of displacements with mirrors and cameras. Shape (V, 3 M + c)."""
     values: NDArray
-    """Information of the mirrors. Shape (3 M, 3 M)."""
+    """Information of mirrors and cameras. Shape (3 M + c, 3 M + c)."""
     values_pull: NDArray
-    """What the pictures ask mirrors for. Shape (3 M,)."""
+    """What the pictures ask mirrors and cameras for. Shape (3 M + c,)."""
     colors: NDArray
     """Mean colour of each vertex, BGR, nan where no picture shows it. Shape (V, 3)."""
     chi_square: NDArray
