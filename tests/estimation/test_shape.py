@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.estimation.shape import refinement
 from nico_selfmodel.estimation.shape.fair_surface import FairSurface, Neighbours
 from nico_selfmodel.estimation.shape.fusion import DepthView, first_surface
+from nico_selfmodel.estimation.shape.picture_equations import PictureEquations
 from nico_selfmodel.estimation.shape.refinement import refine_surface
 from nico_selfmodel.estimation.shape.shape_views import ShapeView, ShapeViews, nearest_of, sampled
 from nico_selfmodel.geometry.rotation import rotation_from_vector
@@ -74,7 +76,8 @@ def seen():
             views.append(ShapeView(k, side, picture, beyond))
             if side == 0:
                 depths.append(DepthView(k, rig().left, depth))
-    return ShapeViews(tuple(views), rig(), tuple(mirrors())), tuple(depths)
+    known = np.kron(np.eye(len(TILTS)), np.diag(SIGMA**2))
+    return ShapeViews(tuple(views), rig(), tuple(mirrors()), (), known), tuple(depths)
 
 
 def ball(radius, pitch=5e-3, front=None):
@@ -113,12 +116,9 @@ def test_mirrors_in_which_nothing_stands_show_no_surface():
 def test_a_ball_drawn_too_small_grows_to_its_size_and_says_how_well():
     views, _ = seen()
     rng = np.random.default_rng(1)
-    told = tuple(
-        Mirror.from_values(m.values + 0.5 * SIGMA * rng.standard_normal(3), m.covariance)
-        for m in views.mirrors
-    )
+    told = views.placed(views.values + 0.5 * np.tile(SIGMA, len(TILTS)) * rng.standard_normal(18))
     start = ball(RADIUS - 4e-3, front=CENTER[2] - 0.01)
-    found = refine_surface(start, lambda _: views.placed(told), rng)
+    found = refine_surface(start, lambda _: told, rng)
     sure = found.looks >= 6
     assert np.count_nonzero(sure) > 0.5 * len(sure)
     assert np.median(np.abs(off(found.mesh)[sure])) < 1e-3
@@ -126,9 +126,30 @@ def test_a_ball_drawn_too_small_grows_to_its_size_and_says_how_well():
     truth = np.array([m.values for m in mirrors()])
     before, after = (
         np.linalg.norm((np.array([m.values for m in own]) - truth) / SIGMA)
-        for own in (told, found.mirrors)
+        for own in (told.mirrors, found.mirrors)
     )
     assert after < before
+
+
+@pytest.mark.parametrize("scale", [0.2, 1.0])
+def test_sigma_is_what_vertices_are_off_by_where_mirrors_and_cameras_are_wrong(scale):
+    mesh, rng, draws = ball(0.03, 0.01), np.random.default_rng(5), 400
+    fair = FairSurface.of(mesh, Neighbours.of(mesh), 1e-3)
+    size = len(mesh.vertices)
+    own = rng.uniform(1e6, 3e6, size)
+    coupling = own[:, None] * rng.uniform(0.5, 1.5, 7)
+    root = scale * 1e-3 * rng.standard_normal((7, 7))
+    told = PictureEquations(
+        own, np.zeros(size), coupling, np.eye(7), np.zeros(7), np.zeros((size, 3)),
+        np.ones(size), np.full(size, 9),
+    )  # fmt: skip
+    noise = np.sqrt(own)[:, None] * rng.standard_normal((size, draws))
+    noise += fair.unbent(rng.standard_normal((size, draws))) / fair.tau
+    off = fair.solved(own, noise - coupling @ root @ rng.standard_normal((7, draws)))
+    sigma = refinement._sigma(told, fair, root @ root.T, rng)
+    assert np.sqrt(np.mean((off / sigma[:, None]) ** 2)) == pytest.approx(1.0, abs=0.1)
+    alone = refinement._sigma(told, fair, 0.0 * root, rng)
+    assert np.mean(sigma) > 1.5 * np.mean(alone)
 
 
 def test_what_is_turned_away_or_beyond_the_outline_is_not_shown():
@@ -147,6 +168,24 @@ def test_pixels_and_slopes_of_mirrored_points_agree():
     for k in range(3):
         moved = [views.pixels(p + sign * step * np.eye(3)[k])[3][0] for sign in (1, -1)]
         np.testing.assert_allclose(by_point[:, k], (moved[0] - moved[1]) / (2 * step), rtol=1e-4)
+
+
+def test_pixels_of_mirrored_points_move_with_the_cameras_as_is_said():
+    views, _ = seen()
+    views = replace(views, cameras=("left.fx", "right.k1", "right.pose.rx", "right.pose.x"))
+    p = CENTER[None] + [[0.01, 0.02, 0.06]]
+    for number, view in enumerate(views.views[2:4]):
+        told = views.slopes(p)[2 + number][1][0, :, 3:]
+        for k, name in enumerate(views.cameras):
+            pixels = []
+            for sign in (1, -1):
+                inside = views.rig.values
+                inside[views.rig.names.index(name)] += sign * 1e-6
+                rig = StereoRig.from_values(inside, views.rig.left.image_size)
+                pixels.append(replace(views, rig=rig).pixels(p)[2 + number][0])
+            slope = (pixels[0] - pixels[1]) / 2e-6
+            np.testing.assert_allclose(told[:, k], slope, rtol=1e-4, atol=1e-5)
+        assert np.any(told[:, 0]) == (view.side == 0)
 
 
 def test_a_ball_is_expected_as_it_is_and_a_dent_is_pulled_out():

@@ -92,3 +92,14 @@ def test_a_place_is_looked_at_where_two_places_about_it_are_judged():
     assert all_judged(own, 47.0, 40.0)
     assert not all_judged(own, 48.0, 40.0)
     assert not all_judged(own, 200.0, 40.0)
+
+
+@pytest.mark.parametrize(("height", "apart", "parts"), [(23.0, 4, 2), (20.0, 4, 0), (23.0, 9, 0)])
+def test_what_is_faint_is_a_part_of_a_spot_only_if_it_is_near_to_it(height, apart, parts):
+    places = np.ones((400, 500))
+    places[40, 50], places[40 + apart, 50] = 90.0, height
+    ((blob, sure),) = seen_places(Surprise(places, 1.0))
+    assert sure
+    assert height < threshold_of(places.size, 1.0)
+    assert len(blob.parts) == parts
+    assert (blob.area, blob.v) == pytest.approx((2, 40.8) if parts else (1, 40.0), abs=0.1)

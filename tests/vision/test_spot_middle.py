@@ -105,3 +105,29 @@ def test_a_spot_at_the_edge_of_the_picture_is_fitted_too():
     rng = np.random.default_rng(4)
     _, middle = fitted((2.0, 1.0), rng)
     assert (middle.u, middle.v) == pytest.approx((2.0, 1.0), abs=1.0)
+
+
+def banded(at, rng):
+    """Return what is expected, and a noisy disc across a band that has the colour of its paint."""
+    under = np.tile([100.0, 60.0, 150.0], (*SHAPE, 1))
+    under[28:33] = PAINT
+    under[33:] = PAINT + np.array([0.0, 4.0, 5.0])
+    return under.astype(np.uint8), marked(under, at, rng)
+
+
+def test_a_spot_in_parts_that_no_ellipse_holds_is_between_them_and_known_to_half():
+    rng = np.random.default_rng(6)
+    under, picture = banded((40.0, 30.0), rng)
+    own = surprise(picture, Expectation(under, np.full(SHAPE, 0.25), NOISE, 0.01))
+    blob = Blob(40.0, 26.5, 20, 99.0, ((40.0, 26.0), (40.0, 41.0)))
+    middle = middle_of(blob, picture, [own])
+    assert (middle.u, middle.v, middle.sigma) == pytest.approx((40.0, 33.5, 7.5))
+
+
+def test_parts_that_one_ellipse_holds_are_fitted_as_one():
+    rng = np.random.default_rng(7)
+    under, picture = two_colors(0).astype(np.uint8), marked(two_colors(0), (40.0, 30.0), rng)
+    own = surprise(picture, Expectation(under, np.full(SHAPE, 0.25), NOISE, 0.01))
+    ((blob, _),) = [one for one in seen_places(own) if one[1]]
+    parts = Blob(blob.u, blob.v, blob.area, 99.0, ((39.0, 28.0), (41.0, 32.0)))
+    assert middle_of(parts, picture, [own]) == middle_of(blob, picture, [own])

@@ -1,7 +1,7 @@
 """What pictures in mirrors tell of how a surface must move along its normals, and of the mirrors.
 
 Light and body stand still, so that a place has one colour c in all mirrors (Lambert); with what
-its normal moves it by d, and its mirror's values by m, a grey level is
+its normal moves it by d, and what its mirror and the cameras are wrong by, m, a grey level is
 
     I_k(x) + g_k d + h_k . m = c + noise,    g = grad I . du/dx . n,    h = grad I . du/dm
 
@@ -34,18 +34,18 @@ _ROUNDS = 3
 
 @dataclass(frozen=True, eq=False)
 class PictureEquations:
-    """Normal equations of a surface's displacements d and the mirrors' values m."""
+    """Normal equations of a surface's displacements d and values m of mirrors and cameras."""
 
     own: NDArray
     """Information of each displacement [1/m^2]. Shape (V,)."""
     pull: NDArray
     """What the pictures ask displacements for. Shape (V,)."""
     coupling: NDArray
-    """Of displacements and mirrors. Shape (V, 3 M)."""
-    mirrors: NDArray
-    """Information of the mirrors. Shape (3 M, 3 M)."""
-    mirrors_pull: NDArray
-    """What the pictures ask mirrors for. Shape (3 M,)."""
+    """Of displacements with mirrors and cameras. Shape (V, 3 M + c)."""
+    values: NDArray
+    """Information of mirrors and cameras. Shape (3 M + c, 3 M + c)."""
+    values_pull: NDArray
+    """What the pictures ask mirrors and cameras for. Shape (3 M + c,)."""
     colors: NDArray
     """Mean colour of each vertex, BGR, nan where no picture shows it. Shape (V, 3)."""
     chi_square: NDArray
@@ -56,18 +56,18 @@ class PictureEquations:
     @classmethod
     def of(cls, mesh: TriangleMesh, views: ShapeViews) -> "PictureEquations":
         """Work them out where surface and mirrors are now."""
-        sums = _Sums.empty(len(mesh.vertices), 3 * len(views.mirrors))
+        sums = _Sums.empty(len(mesh.vertices), len(views.covariance))
         pixels, slopes = views.pixels(mesh.vertices), views.slopes(mesh.vertices)
         shown = views.shown(mesh)
         looks = [
             _look(view.picture, pixels[k], slopes[k], mesh.normals, shown[k])
             for k, view in enumerate(views.views)
         ]
-        parts = [slice(3 * view.mirror, 3 * view.mirror + 3) for view in views.views]
+        parts = [views.part(view) for view in views.views]
         colors, chi_square = _photometric(looks, parts, sums)
         edge_on = _outlines(mesh, views, pixels, slopes, sums)
         return cls(
-            sums.own, sums.pull, sums.coupling, sums.mirrors, sums.mirrors_pull, colors,
+            sums.own, sums.pull, sums.coupling, sums.values, sums.values_pull, colors,
             chi_square, shown.sum(axis=0) + edge_on,
         )  # fmt: skip
 
@@ -79,8 +79,8 @@ class _Sums:
     own: NDArray
     pull: NDArray
     coupling: NDArray
-    mirrors: NDArray
-    mirrors_pull: NDArray
+    values: NDArray
+    values_pull: NDArray
 
     @classmethod
     def empty(cls, size: int, count: int) -> "_Sums":
@@ -89,15 +89,15 @@ class _Sums:
             np.zeros((count, count)), np.zeros(count),
         )  # fmt: skip
 
-    def add(self, which: NDArray, part: slice, g: NDArray, h: NDArray, rest: "_Rest") -> None:
+    def add(self, which: NDArray, part: NDArray, g: NDArray, h: NDArray, rest: "_Rest") -> None:
         """Add rows g d + h . m = -off of vertices. Shapes (n, c), (n, c, 3), (n, c)."""
         weight, off = rest.weight, rest.off
         self.own[which] += np.sum(weight * g**2, axis=1)
         self.pull[which] -= np.sum(weight * g * off, axis=1)
-        self.coupling[which, part] += np.einsum("vc,vcj->vj", weight * g, h)
-        flat = (np.sqrt(weight)[:, :, None] * h).reshape(-1, 3)
-        self.mirrors[part, part] += flat.T @ flat
-        self.mirrors_pull[part] -= np.einsum("vc,vcj->j", weight * off, h)
+        self.coupling[np.ix_(which, part)] += np.einsum("vc,vcj->vj", weight * g, h)
+        flat = (np.sqrt(weight)[:, :, None] * h).reshape(-1, len(part))
+        self.values[np.ix_(part, part)] += flat.T @ flat
+        self.values_pull[part] -= np.einsum("vc,vcj->j", weight * off, h)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,7 @@ class _Look:
     which: NDArray
     levels: NDArray
     by_normal: NDArray
-    by_mirror: NDArray
+    by_value: NDArray
     weight: NDArray
 
 
@@ -143,23 +143,24 @@ def _look(
 
 
 def _photometric(
-    looks: Sequence[_Look], parts: Sequence[slice], sums: _Sums
+    looks: Sequence[_Look], parts: Sequence[NDArray], sums: _Sums
 ) -> tuple[NDArray, NDArray]:
     """Add what the colours tell; return them and how well they agree."""
     size = len(sums.own)
     weights, colors, total, chi_square = _agreed(looks, size)
-    slope, by_mirror = np.zeros((size, 3)), np.zeros((size, 3, len(sums.mirrors)))
+    slope, by_value = np.zeros((size, 3)), np.zeros((size, 3, len(sums.values)))
     for look, weight, part in zip(looks, weights, parts, strict=True):
         slope[look.which] += weight * look.by_normal
-        by_mirror[look.which, :, part] += weight[:, :, None] * look.by_mirror
+        own = weight[:, :, None] * look.by_value
+        by_value[look.which[:, None], :, part] += own.transpose(0, 2, 1)
     slope /= np.maximum(total, 1e-12)
     for look, weight, part in zip(looks, weights, parts, strict=True):
         off = look.levels - colors[look.which]
         rest = _Rest(off, weight / _ALIKE)
-        sums.add(look.which, part, look.by_normal - slope[look.which], look.by_mirror, rest)
-    flat = by_mirror / np.sqrt(_ALIKE * np.maximum(total, 1e-12))[:, :, None]
-    flat = flat.reshape(-1, len(sums.mirrors))
-    sums.mirrors[:] -= flat.T @ flat
+        sums.add(look.which, part, look.by_normal - slope[look.which], look.by_value, rest)
+    flat = by_value / np.sqrt(_ALIKE * np.maximum(total, 1e-12))[:, :, None]
+    flat = flat.reshape(-1, len(sums.values))
+    sums.values[:] -= flat.T @ flat
     return colors, chi_square
 
 
@@ -213,6 +214,6 @@ def _outlines(
         rest = _Rest(off[:, None], (share / (_ALIKE * _OUTLINE_SIGMA**2))[:, None])
         g = np.sum(slope * by_normal, axis=1)[:, None]
         h = np.einsum("vi,vij->vj", slope, slopes[k][1][which])[:, None]
-        sums.add(which, slice(3 * view.mirror, 3 * view.mirror + 3), g, h, rest)
+        sums.add(which, views.part(view), g, h, rest)
         count[which] += 1
     return count

@@ -5,7 +5,7 @@ Vertices move along their normals and mirrors by their values, by what the pictu
 expected to be (`fair_surface`); first by blurred pictures, which lead from farther away.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,8 +30,6 @@ BLURS = (
 """Blur of the pictures in each step [px], and whether mirrors move in it."""
 BEND_SIGMA = 1e-3
 """By how much a surface bends otherwise than nearby, over an edge of a mesh [m]."""
-COMMON_SIGMA = 1.5e-3
-"""What cameras and mirrors leave all pictures alike to be off by; set on robot 900 [m]."""
 _FARTHEST = 6e-3
 """That a vertex moves in one step [m]."""
 _SAMPLES, _STEPS = 16, 80
@@ -73,45 +71,56 @@ def refine_surface(
         rng: Source of samples of what is not known.
         progress: Called after each step.
     """
-    neighbours, told = Neighbours.of(mesh), blurred(BLURS[0][0]).mirrors
-    mirrors = told
+    neighbours, before = Neighbours.of(mesh), blurred(BLURS[0][0])
+    values = before.values
     for k, (blur, free) in enumerate(BLURS):
-        found = PictureEquations.of(mesh, blurred(blur).placed(mirrors))
+        found = PictureEquations.of(mesh, blurred(blur).placed(values))
         fair = FairSurface.of(mesh, neighbours, BEND_SIGMA)
         step = fair.solved(found.own, (found.pull + fair.pull)[:, None])[:, 0]
         step = np.clip(step, -_FARTHEST, _FARTHEST)
         mesh = mesh.moved(mesh.vertices + step[:, None] * mesh.normals)
         if free:
-            mirrors = _moved(mirrors, told, found, step)
+            values = values + _moved(before, values, found, step)
         if progress:
             progress(k + 1, len(BLURS))
-    found = PictureEquations.of(mesh, blurred(BLURS[-1][0]).placed(mirrors))
+    placed = before.placed(values)
+    found = PictureEquations.of(mesh, blurred(BLURS[-1][0]).placed(values))
     fair = FairSurface.of(mesh, neighbours, BEND_SIGMA)
-    sigma = _sigma(found, fair, rng)
-    return RefinedSurface(mesh, sigma, found.colors, found.looks, mirrors)
+    sigma = _sigma(found, fair, before.covariance, rng)
+    return RefinedSurface(mesh, sigma, found.colors, found.looks, placed.mirrors)
 
 
-def _moved(
-    mirrors: Sequence[Mirror], told: Sequence[Mirror], found: PictureEquations, step: NDArray
-) -> tuple[Mirror, ...]:
-    """Return the mirrors after a step of the surface."""
-    information, pull = found.mirrors.copy(), found.mirrors_pull - found.coupling.T @ step
-    for k, (mirror, before) in enumerate(zip(mirrors, told, strict=True)):
-        assert before.covariance is not None, "a mirror that the hand told has a covariance"
-        part, known = slice(3 * k, 3 * k + 3), np.linalg.inv(before.covariance)
-        information[part, part] += known
-        pull[part] += known @ (before.values - mirror.values)
-    change = np.linalg.solve(information, pull).reshape(-1, 3)
-    return tuple(
-        Mirror.from_values(mirror.values + own) for mirror, own in zip(mirrors, change, strict=True)
-    )
+def _moved(before: ShapeViews, values: NDArray, found: PictureEquations, step: NDArray) -> NDArray:
+    """Return what mirrors move by after a step of the surface; cameras are held. Shape (3 M,)."""
+    pull = found.values_pull - found.coupling.T @ step
+    off, change = before.values - values, []
+    for k in range(len(before.mirrors)):
+        own = slice(3 * k, 3 * k + 3)
+        known = np.linalg.inv(before.covariance[own, own])
+        information = found.values[own, own] + known
+        change.append(np.linalg.solve(information, pull[own] + known @ off[own]))
+    return np.concatenate(change)
 
 
-def _sigma(found: PictureEquations, fair: FairSurface, rng: np.random.Generator) -> NDArray:
+def _sigma(
+    found: PictureEquations, fair: FairSurface, covariance: NDArray, rng: np.random.Generator
+) -> NDArray:
     """Return the standard deviations of vertices along their normals [m]. Shape (V,).
 
-    With A = D + M' M / tau^2, A^-1 (D^(1/2) e + M' f / tau) has the covariance A^-1. It grows with
-    the chi-square of the colours about a vertex, and has a part that all pictures have alike.
+    With A = D + M' M / tau^2, A^-1 (D^(1/2) e + M' f / tau) has the covariance A^-1, which grows
+    with the chi-square of the colours about a vertex. Where mirrors and cameras are wrong by y, the
+    pictures ask the surface for - A^-1 C y more, with C the coupling: with P the covariance of y
+
+        sigma^2 = chi^2 diag(A^-1) + diag(A^-1 C P C' A^-1)
+
+    P is what the hand tells. The pictures move the mirrors, too, but what they are wrong by is
+    alike in many places, so that they know less of what all mirrors have alike than they say.
+
+    Args:
+        found: What the pictures tell of the surface.
+        fair: How smooth it is.
+        covariance: P. Shape (3 M + c, 3 M + c).
+        rng: Source of e and f.
     """
     size = len(found.own)
     noise = rng.standard_normal((2, size, _SAMPLES))
@@ -120,4 +129,6 @@ def _sigma(found: PictureEquations, fair: FairSurface, rng: np.random.Generator)
     smooth = fair.neighbours.smoothed
     alone = smooth(np.mean(drawn**2, axis=1), 3)
     agreeing = np.maximum(1.0, smooth(np.minimum(found.chi_square, 30.0), 2))
-    return np.sqrt(agreeing * alone + COMMON_SIGMA**2)
+    by_value = fair.solved(found.own, found.coupling, _STEPS)
+    common = np.einsum("vi,ij,vj->v", by_value, covariance, by_value)
+    return np.sqrt(agreeing * alone + common)

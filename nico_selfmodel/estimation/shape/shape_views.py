@@ -1,11 +1,13 @@
 """What both cameras saw of a body in mirrors, and what of a surface each picture shows."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.observations.hand_pixels import project_to_cameras
+from nico_selfmodel.geometry.reflection import reflect
+from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig, reflected_projection
@@ -44,11 +46,26 @@ class ShapeViews:
     rig: StereoRig
     """The cameras; the left one is W."""
     mirrors: tuple[Mirror, ...]
-    """As they are known, with covariances."""
+    """As they are known; M of them."""
+    cameras: tuple[str, ...]
+    """What of the rig may be wrong, of its `names`; c of them."""
+    covariance: NDArray
+    """Of all mirrors' values in turn and of these, before the pictures. (3 M + c, 3 M + c)."""
 
-    def placed(self, mirrors: Sequence[Mirror]) -> "ShapeViews":
-        """Return the same pictures with mirrors elsewhere."""
+    @property
+    def values(self) -> NDArray:
+        """Of all mirrors in turn. Shape (3 M,)."""
+        return np.concatenate([mirror.values for mirror in self.mirrors])
+
+    def placed(self, values: NDArray) -> "ShapeViews":
+        """Return the same pictures with mirrors elsewhere, by their `values`."""
+        mirrors = [Mirror.from_values(own) for own in values.reshape(-1, 3)]
         return replace(self, mirrors=tuple(mirrors))
+
+    def part(self, view: ShapeView) -> NDArray:
+        """Return which of what the covariance is of a picture depends on. Shape (3 + c,)."""
+        cameras = 3 * len(self.mirrors) + np.arange(len(self.cameras))
+        return np.concatenate([3 * view.mirror + np.arange(3), cameras])
 
     def pixels(self, p_WQ: NDArray) -> list[NDArray]:
         """Return where each picture shows points. Shape (N, 3) -> (N, 2) each."""
@@ -56,13 +73,22 @@ class ShapeViews:
         return [both[v.mirror][:, 2 * v.side : 2 * v.side + 2] for v in self.views]
 
     def slopes(self, p_WQ: NDArray) -> list[tuple[NDArray, NDArray]]:
-        """Return how their pixels move by points, (N, 2, 3), and by the mirror, (N, 2, 3)."""
+        """Return how their pixels move by points, (N, 2, 3), mirror and cameras, (N, 2, 3 + c)."""
         both = [reflected_projection(self.rig.cameras, m.values, p_WQ) for m in self.mirrors]
+        by_rig = [self._by_cameras(mirror, p_WQ) for mirror in self.mirrors]
         found = []
         for v in self.views:
             own = slice(2 * v.side, 2 * v.side + 2)
-            found.append((both[v.mirror].by_point[:, own], both[v.mirror].by_mirror[:, own]))
+            by_value = [both[v.mirror].by_mirror[:, own], by_rig[v.mirror][:, own]]
+            found.append((both[v.mirror].by_point[:, own], np.concatenate(by_value, axis=2)))
         return found
+
+    def _by_cameras(self, mirror: Mirror, p_WQ: NDArray) -> NDArray:
+        """Return how pixels of reflections move by what may be wrong. Shape (N, 4, c)."""
+        behind = reflect(mirror.plane_in(self.rig.left.X_WC), p_WQ)
+        p_LQ = apply(self.rig.left.X_CW, behind)
+        by_rig = project_to_cameras(p_LQ.T, self.rig.values, self.rig.lens)[2]
+        return by_rig[[self.rig.names.index(name) for name in self.cameras]].transpose(2, 1, 0)
 
     def centers(self) -> NDArray:
         """Return where the reflected cameras are [m]. Shape (views, 3)."""

@@ -61,6 +61,22 @@ def with_cameras(
     return cameras, matrix
 
 
+def mirrors_and_cameras(
+    model: SelfModel, mirrors: Sequence[str]
+) -> tuple[tuple[str, ...], NDArray]:
+    """Return how mirrors and cameras err together, as the hand told them.
+
+    Args:
+        model: Who has learned them.
+        mirrors: Which; m of them.
+
+    Returns:
+        Names of what may be wrong of the cameras, c of them, and the covariance of the mirrors'
+        values and these. Shape (3 m + c, 3 m + c).
+    """
+    return with_cameras(model, mirrors, _of_mirrors(model, mirrors))
+
+
 def _of_mirrors(model: SelfModel, mirrors: Sequence[str]) -> NDArray:
     """Return the covariance of mirrors, together where the model says so. Shape (3 m, 3 m)."""
     names = _names_of(mirrors)

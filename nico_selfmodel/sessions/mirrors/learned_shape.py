@@ -1,7 +1,7 @@
 """From pictures in many mirrors to the shape of each link that stands still."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -12,9 +12,10 @@ from nico_selfmodel.estimation.shape.refinement import RefinedSurface, refine_su
 from nico_selfmodel.estimation.shape.shape_views import ShapeView, ShapeViews
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.geometry.voxel_grid import VoxelGrid
-from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.shape.link_shape import BodyShape, LinkShape
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
+from nico_selfmodel.sessions.mirrors.before_pictures import mirrors_and_cameras
 from nico_selfmodel.sessions.mirrors.shape_looks import ShapeLooks
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.vision.images.body_outline import beyond_body, plain_color
@@ -95,7 +96,7 @@ def carried(tree: KinematicTree, link: str, whole: Sequence[str]) -> str:
 
 def learn_shape(
     looks: ShapeLooks,
-    rig: StereoRig,
+    model: SelfModel,
     skeleton: Skeleton,
     poses: Mapping[str, NDArray],
     wanted: Sequence[str],
@@ -106,7 +107,7 @@ def learn_shape(
 
     Args:
         looks: Pictures in mirrors.
-        rig: The cameras; the left one is W.
+        model: Who has learned the mirrors and the cameras; the left one is W.
         skeleton: Where the joints of the robot are, by which links are told apart.
         poses: Link -> its pose in W. Shape (4, 4) each.
         wanted: Links whose shape is learned.
@@ -116,8 +117,8 @@ def learn_shape(
     Raises:
         EstimationError: If the room is not plain, or no surface is found.
     """
-    views = _outlined(looks, rig)
-    depths = _depths(looks, rig, views)
+    views = _outlined(looks, model)
+    depths = _depths(looks, views)
     own = np.isin(skeleton.links, list(wanted))
     grid = VoxelGrid.about(skeleton.lines[own].reshape(-1, 3), REACH, _PITCH)
     near = skeleton.distances(grid.points)[:, own].min(axis=1) < REACH
@@ -125,21 +126,15 @@ def learn_shape(
 
     @cache
     def blurred(sigma: float) -> ShapeViews:
-        return ShapeViews(
-            tuple(
-                ShapeView(v.mirror, v.side, smoothed(v.picture, sigma), v.beyond)
-                for v in views.views
-            ),
-            rig,
-            views.mirrors,
-        )
+        smooth = [replace(v, picture=smoothed(v.picture, sigma)) for v in views.views]
+        return replace(views, views=tuple(smooth))
 
     found = refine_surface(mesh, blurred, rng, telling(stage, "learning its shape"))
     links = _links(found, skeleton, poses, wanted)
     return LearnedShape(BodyShape(links, {link: poses[link] for link in links}), found)
 
 
-def _outlined(looks: ShapeLooks, rig: StereoRig) -> ShapeViews:
+def _outlined(looks: ShapeLooks, model: SelfModel) -> ShapeViews:
     """Return all pictures with outlines."""
     room = plain_color(looks.room)
     views = [
@@ -147,12 +142,14 @@ def _outlined(looks: ShapeLooks, rig: StereoRig) -> ShapeViews:
         for k, shot in enumerate(looks.shots)
         for side, picture in enumerate(shot.pictures)
     ]
-    return ShapeViews(tuple(views), rig, tuple(looks.mirrors.values()))
+    cameras, covariance = mirrors_and_cameras(model, tuple(looks.mirrors))
+    mirrors = tuple(looks.mirrors.values())
+    return ShapeViews(tuple(views), model.rig, mirrors, cameras, covariance)
 
 
-def _depths(looks: ShapeLooks, rig: StereoRig, views: ShapeViews) -> list[DepthView]:
+def _depths(looks: ShapeLooks, views: ShapeViews) -> list[DepthView]:
     """Return what both cameras together tell of depths in each mirror."""
-    pair = RectifiedPair.of(rig)
+    pair = RectifiedPair.of(views.rig)
     found = []
     for k, shot in enumerate(looks.shots):
         depth = pair.depth(shot.pictures, _NEAREST)

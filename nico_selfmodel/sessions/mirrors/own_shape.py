@@ -41,9 +41,9 @@ def learn_structure(known: Knowing, stage: Stage) -> tuple[LearnedShape, Surface
     """
     robot, views = known.robot, known.before.views
     nico = rendered(robot, ImageQuality())
-    told, places = tell_mirrors(nico, robot.model, robot.readings, known.before.plate, stage)
-    mirrors = {**{name: robot.model.mirrors[name] for name in views}, **told}
-    places = {**{name: view.X_BM for name, view in views.items()}, **places}
+    model, told = tell_mirrors(nico, robot.model, robot.readings, known.before.plate, stage)
+    places = {**{name: view.X_BM for name, view in views.items()}, **told}
+    mirrors = {name: model.mirrors[name] for name in places}
     before = known.before
     with BodyImage(nico.arm, robot.model) as image, before.station(_DAY) as station:
         looks = MirrorLooks(station, image, robot.model, mirrors[MIRROR], places[MIRROR])
@@ -54,5 +54,5 @@ def learn_structure(known: Knowing, stage: Stage) -> tuple[LearnedShape, Surface
         truth = station.surfaces_true(looks.body.context)
     skeleton = Skeleton.of(KinematicTree.from_urdf(nico.arm.urdf), poses, WHOLE)
     rng = np.random.default_rng((robot.seed, 46))
-    shape = learn_shape(seen, robot.model.rig, skeleton, poses, LINKS, rng, stage)
+    shape = learn_shape(seen, model, skeleton, poses, LINKS, rng, stage)
     return shape, {link: one for link, one in truth.items() if link not in moving}

@@ -1,7 +1,7 @@
 """A Nico that looks at its head and chest in many mirrors, to learn their shape."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -60,7 +60,7 @@ def tell_mirrors(
     familiar: NDArray,
     plate: MirrorPlate,
     stage: Stage | None = None,
-) -> tuple[dict[str, Mirror], dict[str, NDArray]]:
+) -> tuple[SelfModel, dict[str, NDArray]]:
     """Learn from the hand where mirrors stand that are put up for the shape.
 
     Args:
@@ -71,7 +71,8 @@ def tell_mirrors(
         stage: Told how far it is.
 
     Returns:
-        Mirrors with covariances, and where their glasses really stand, X_BM, shape (4, 4), by name.
+        The model that knows these mirrors too, and how they err with each other and the cameras;
+        and where their glasses really stand, X_BM, shape (4, 4), by name.
 
     Raises:
         EstimationError: If no plane fits, or hardly any mirror shows the hand.
@@ -83,8 +84,9 @@ def tell_mirrors(
     )  # fmt: skip
     told = telling(stage, "looking at its hand in mirrors for its shape")
     data = _shown_enough(before.record("shape", _DAY, HAND_POSES, progress=told))
-    found = calibrate_mirrors(data, model).mirrors
-    return found, {name: before.views[name].X_BM for name in found}
+    found = calibrate_mirrors(data, model)
+    learned = replace(found.model, covariance=found.covariance)
+    return learned, {name: before.views[name].X_BM for name in found.mirrors}
 
 
 def _shown_enough(data: Dataset) -> Dataset:

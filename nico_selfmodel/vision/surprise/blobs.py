@@ -31,6 +31,8 @@ class Blob:
     """Of all that is surprising about it [px]."""
     chi_square: float
     """z^2 of its most surprising place."""
+    parts: tuple[tuple[float, float], ...] = ()
+    """Column and row of each part of a spot that is seen in several [px]."""
 
     def with_part(self, other: "Blob") -> "Blob":
         """Return this and another place of the same spot as one, each weighed by its surprise."""
@@ -41,6 +43,7 @@ class Blob:
             self.v + share * (other.v - self.v),
             self.area + other.area,
             max(self.chi_square, other.chi_square),
+            tuple(part for one in (self, other) for part in one.parts or ((one.u, one.v),)),
         )
 
 

@@ -78,7 +78,9 @@ def middle_of(blob: Blob, picture: NDArray, parts: Sequence[Surprise]) -> Middle
     Returns:
         Middle of the fitted ellipse. Its sigma is that of the fit, and grows with the share of the
         spot and what is about it that tells nothing. The blob's middle, known to its radius, where
-        there is nothing to fit.
+        there is nothing to fit; where a spot is seen in parts that are not of one such ellipse, as
+        where paint crosses colours that it is like, the middle between them, known to half of what
+        they are apart.
     """
     radius = float(np.sqrt(max(blob.area, _SMALLEST) / np.pi))
     pixels = _about(blob, radius, picture, parts)
@@ -87,8 +89,25 @@ def middle_of(blob: Blob, picture: NDArray, parts: Sequence[Surprise]) -> Middle
     fit = _fitted(pixels, np.array([blob.u, blob.v, 1.0 / radius, 0.0, 1.0 / radius]))
     if np.hypot(fit.x[0] - blob.u, fit.x[1] - blob.v) > radius + _AROUND:
         return Middle(blob.u, blob.v, radius)
+    if not _holds(fit.x, blob.parts):
+        return _between(blob.parts)
     sigma = np.hypot(fit.sigma, _UNSEEN * (1.0 - _told(pixels, fit.x)) * fit.radius)
     return Middle(float(fit.x[0]), float(fit.x[1]), float(sigma))
+
+
+def _holds(x: NDArray, parts: Sequence[tuple[float, float]]) -> bool:
+    """Return whether an ellipse holds all parts of a spot."""
+    M = np.array([[x[2], x[3]], [x[3], x[4]]])
+    return all(float(np.linalg.norm(M @ (np.array(part) - x[:2]))) <= 1.0 for part in parts)
+
+
+def _between(parts: Sequence[tuple[float, float]]) -> Middle:
+    """Return the middle between the parts that are farthest from each other, known to half."""
+    each = np.array(parts)
+    apart = np.linalg.norm(each[:, None] - each, axis=2)
+    first, last = np.unravel_index(int(np.argmax(apart)), apart.shape)
+    u, v = 0.5 * (each[first] + each[last])
+    return Middle(float(u), float(v), 0.5 * float(apart.max()))
 
 
 def _about(
