@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import EstimationError
-from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
+from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration, calibrate_mirrors
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.sessions.mirrors.known_body import Shot
@@ -85,6 +85,10 @@ def tell_mirrors(
     told = telling(stage, "looking at its hand in mirrors for its shape")
     data = _shown_enough(before.record("shape", _DAY, HAND_POSES, progress=told))
     found = calibrate_mirrors(data, model)
+    open_ones = _left_open(found)
+    if open_ones:
+        data = _enough(data, [name for name in found.mirrors if name not in open_ones])
+        found = calibrate_mirrors(data, model)
     learned = replace(found.model, covariance=found.covariance)
     return learned, {name: before.views[name].X_BM for name in found.mirrors}
 
@@ -92,7 +96,24 @@ def tell_mirrors(
 def _shown_enough(data: Dataset) -> Dataset:
     """Return the rows of mirrors in which both cameras saw the hand once, or one of them twice."""
     sights = np.isfinite(data.pixels[:, ::2]).sum(axis=1)
-    known = [name for name in np.unique(data.mirror) if sights[data.mirror == name].sum() > 1]
+    return _enough(
+        data, [name for name in np.unique(data.mirror) if sights[data.mirror == name].sum() > 1]
+    )
+
+
+def _left_open(found: MirrorCalibration) -> set[str]:
+    """Return mirrors of which the hand does not tell all three numbers."""
+    uncertainty = found.solution.uncertainty
+    known = dict(zip(uncertainty.names, np.isfinite(uncertainty.sigma), strict=True))
+    return {name for name in found.mirrors if not all(known[n] for n in Mirror.names_of(name))}
+
+
+def _enough(data: Dataset, known: Sequence[str]) -> Dataset:
+    """Return the rows of some mirrors.
+
+    Raises:
+        EstimationError: If they are too few for a shape.
+    """
     if len(known) < FEWEST_MIRRORS:
         raise EstimationError(
             f"the hand was seen well enough in {len(known)} of {len(SHAPE_MIRRORS)} mirrors, a "
