@@ -18,6 +18,8 @@ from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend
 from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boards
 from nico_selfmodel.estimation.tree.boards.surroundings import Surroundings
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, held_scores
+from nico_selfmodel.estimation.tree.contradictions.standing_still import check_that_it_moved
+from nico_selfmodel.estimation.tree.contradictions.told_values import agreeing_start
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.guesses.first_guess import first_bodies
 from nico_selfmodel.estimation.tree.mirrors.mirrored_tree import (
@@ -32,6 +34,7 @@ from nico_selfmodel.estimation.tree.tree_setup import (
     TreeSetup,
     Wishes,
     blank_body,
+    moving_joints,
 )
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.estimation.tree.tree_start import TreeStart
@@ -154,7 +157,8 @@ def calibrate_tree(
         The calibration. A failed check does not raise: see `estimation.judging.judge`.
 
     Raises:
-        DataError: If the recording cannot tell a first body, or nothing stands for the world.
+        DataError: If the recording cannot tell a first body, nothing moved in it, it contradicts
+            what the user told, or nothing stands for the world.
         ValueError: If a name does not exist.
     """
     clock, wishes = time.perf_counter(), wishes or Wishes()
@@ -163,24 +167,31 @@ def calibrate_tree(
     blank = blank_body(data, {**by_boards, **(lenses or {})})
     wishes = wishes.freeing(inside)
     around = Surroundings.of_boards(observations, blank.lenses)
-    best: TreeStart | None = None
+    moving = moving_joints(data, TreeParameters(blank))
+    check_that_it_moved(data, moving, described=description is not None)
+    best: tuple[TreeStart, BodyTree] | None = None
     costs: list[float] = []
+
+    def begin(label: str, tree: BodyTree, wishes: Wishes) -> TreeStart:
+        return TreeStart.from_body(label, tree, data, observations, description, wishes)
+
     guessed: Iterable[tuple[str, BodyTree]] = [("boards", around.alone(blank))]
     if direct is not None:
         seen = TreeObservations.of(direct)
         guessed = first_bodies(direct, blank, seen, description, around.cameras, seed)
     for label, tree in guessed:
         tree = around.about(tree)
-        start = TreeStart.from_body(label, tree, data, observations, description, wishes)
+        start = begin(label, tree, wishes)
         costs.append(start.cost)
-        if best is None or start.cost < best.cost:
-            best = start
+        if best is None or start.cost < best[0].cost:
+            best = start, tree
         if _agreeing(costs, observations) >= 2:
             break
     assert best is not None
+    first = agreeing_start(*best, wishes, observations.scalars, begin)
     held, masses = frozenset(wishes.pins.pinned), description and description.masses
     bends = partial(_bent, held=held, effects=effects, up=up, seed=seed, masses=masses)
-    return _finished(best, data, test, description, name, costs, clock, bends)
+    return _finished(first, data, test, description, name, costs, clock, bends)
 
 
 def refit_tree(
