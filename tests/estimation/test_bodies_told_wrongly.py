@@ -5,9 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.errors import DataError
+from nico_selfmodel.errors import ContradictedError, DataError, ModelError
+from nico_selfmodel.estimation.monitoring.body_health import check_body_health
+from nico_selfmodel.estimation.monitoring.body_relearning import rezero_body
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+from nico_selfmodel.estimation.tree.tree_result import body_model
 from nico_selfmodel.estimation.tree.tree_setup import Wishes
 
 from .simulated_trees import one_arm
@@ -78,3 +81,19 @@ def test_a_sensor_that_hangs_is_named(arm):
     values[table.marker == 1] = values[np.flatnonzero(table.marker == 1)[0]]
     said = refusal(replace(arm, observations=replace(table, values=values)))
     assert "what 'tracker' measured of 'hand_tag1' is the same to the last digit" in said
+
+
+def test_a_recording_in_which_nothing_agrees_with_the_body_is_refused(arm):
+    body = body_model(calibrate_tree(arm, effects=()))
+    few = arm.select(np.arange(40) < 20)
+    table, rng = few.observations, np.random.default_rng(0)
+    values = table.values.copy()
+    values[:, :3] = rng.uniform(0.0, 1.0, size=(len(values), 3))
+    with pytest.raises(ContradictedError, match="all 40 observations of data set 'simulated'"):
+        rezero_body(body, replace(few, observations=replace(table, values=values)))
+
+
+def test_a_body_without_cameras_is_not_watched_and_says_so(arm):
+    body = body_model(calibrate_tree(arm, effects=()))
+    with pytest.raises(ModelError, match="has no camera, by whose pixels"):
+        check_body_health(body, arm)

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.errors import ContradictedError
 from nico_selfmodel.estimation.noise.pose_noise import (
     FREE_SIGMA,
     PoseGroups,
@@ -172,6 +173,9 @@ class TreeProblem:
             outliers: Observations to leave out at first, by row of the table; those that stand
                 out at the start if omitted. Shape (N,).
             trim: Look for outliers and slips; else all counts alike.
+
+        Raises:
+            ContradictedError: If every observation is an outlier.
         """
         data = self.observations
         found = self._outlying(values) if outliers is None else outliers
@@ -197,6 +201,12 @@ class TreeProblem:
                 now_slipped, now_found = self._tested(linear, groups, slipped, found)
             new = self.observations.groups(now_found)
             same = np.array_equal(now_found, found) and np.array_equal(now_slipped, slipped)
+            if not len(new.numbers):
+                raise ContradictedError(
+                    f"all {len(now_found)} observations of data set {data.data.name!r} contradict "
+                    "what is known of the body: it is a recording of another one, or its readings, "
+                    "rows and units do not belong together"
+                )
             slipped, found = _regrouped(now_slipped, groups, new), now_found
             groups = new
             if same and self.noise.is_like(before):
