@@ -12,7 +12,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.errors import ContradictedError
 from nico_selfmodel.estimation.noise.pose_noise import (
     FREE_SIGMA,
     PoseGroups,
@@ -23,7 +22,12 @@ from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.joint_errors import joint_errors
-from nico_selfmodel.estimation.tree.pose_tests import far_observations, slipped_joints
+from nico_selfmodel.estimation.tree.pose_tests import (
+    check_that_some_agree,
+    far_observations,
+    regrouped,
+    slipped_joints,
+)
 from nico_selfmodel.estimation.tree.tree_block import TreeBlock
 from nico_selfmodel.estimation.tree.tree_noise import likeliest_noise
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
@@ -201,13 +205,8 @@ class TreeProblem:
                 now_slipped, now_found = self._tested(linear, groups, slipped, found)
             new = self.observations.groups(now_found)
             same = np.array_equal(now_found, found) and np.array_equal(now_slipped, slipped)
-            if not len(new.numbers):
-                raise ContradictedError(
-                    f"all {len(now_found)} observations of data set {data.data.name!r} contradict "
-                    "what is known of the body: it is a recording of another one, or its readings, "
-                    "rows and units do not belong together"
-                )
-            slipped, found = _regrouped(now_slipped, groups, new), now_found
+            check_that_some_agree(new, data, now_found)
+            slipped, found = regrouped(now_slipped, groups, new), now_found
             groups = new
             if same and self.noise.is_like(before):
                 break
@@ -397,11 +396,3 @@ class TreeProblem:
         seen = self.observations
         far = far_observations(seen, whitening, r, J, by_joint, prior, outliers, linear.took)
         return found, far
-
-
-def _regrouped(slipped: NDArray, old: PoseGroups, new: PoseGroups) -> NDArray:
-    """Return what slipped by the visits that still count."""
-    out = np.zeros((new.poses, slipped.shape[1]), dtype=bool)
-    common, a, b = np.intersect1d(old.numbers, new.numbers, return_indices=True)
-    out[b] = slipped[a]
-    return out if len(common) else np.zeros_like(out)
