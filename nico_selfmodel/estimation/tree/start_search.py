@@ -84,4 +84,4 @@ def agreeing(costs: Sequence[float], scalars: int) -> int:
         scalars: How many numbers were measured.
     """
     least = min(costs)
-    return sum(cost - least < _AGREE * scalars for cost in costs)
+    return sum(bool(cost - least < _AGREE * scalars) for cost in costs)
