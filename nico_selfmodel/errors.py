@@ -45,6 +45,10 @@ class NotIdentifiableError(EstimationError):
     """The data cannot determine what was asked for."""
 
 
+class ContradictedError(EstimationError):
+    """Nothing that was measured agrees with what is known: there is nothing to adjust."""
+
+
 class NotConvergedError(EstimationError):
     """A solver stopped before it reached a minimum."""
 

@@ -13,6 +13,7 @@ TREE = {
     errors.DataError: errors.SelfModelError,
     errors.EstimationError: errors.SelfModelError,
     errors.NotIdentifiableError: errors.EstimationError,
+    errors.ContradictedError: errors.EstimationError,
     errors.NotConvergedError: errors.EstimationError,
     errors.RobotError: errors.SelfModelError,
     errors.BusError: errors.RobotError,

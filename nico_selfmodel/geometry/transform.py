@@ -43,3 +43,21 @@ def apply(x: ArrayLike, points: ArrayLike) -> NDArray:
     """
     x = np.asarray(x, dtype=float)
     return np.einsum("...ij,...j->...i", x[..., :3, :3], np.asarray(points)) + x[..., :3, 3]
+
+
+def check_rigid(X: NDArray, name: str, within: float = 1e-9) -> None:
+    """Refuse what is no pose: axes that are not square and of unit length, or a mirror image.
+
+    Args:
+        X: Shape (..., 4, 4).
+        name: What the message calls it.
+        within: How far an entry of R R' may be off.
+
+    Raises:
+        ValueError: If one is none.
+    """
+    R = X[..., :3, :3]
+    off = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(initial=0.0)
+    right_handed = bool((np.linalg.det(R) > 0.0).all())
+    if not (off <= within and right_handed and (X[..., 3, :] == [0.0, 0.0, 0.0, 1.0]).all()):
+        raise ValueError(f"{name} is not a rigid transform")

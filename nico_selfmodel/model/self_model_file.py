@@ -10,6 +10,7 @@ from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.files.reading import LARGEST_DOCUMENT, read_text, real_path
 from nico_selfmodel.files.whole import write_whole
 from nico_selfmodel.files.yaml_text import parse_yaml, yaml_text
+from nico_selfmodel.geometry.transform import check_rigid
 from nico_selfmodel.model import kept_values
 from nico_selfmodel.model.arm.bending_document import bending_document, bending_of
 from nico_selfmodel.model.arm.dh_table import DhTable
@@ -200,7 +201,7 @@ def _chain(chain: Mapping[str, Any]) -> DhTable:
         markers=tuple(hands),
         p_NH=numbers(list(hands.values()), "chain.hand"),
     )
-    _check_rigid(table.X_W0, "chain.X_W0")
+    check_rigid(table.X_W0, "chain.X_W0")
     return table
 
 
@@ -230,7 +231,7 @@ def _camera(entry: Mapping[str, Any], side: str) -> Camera:
     values = numbers([entry[name] for name in intrinsics_of(lens)], f"intrinsics of {side}")
     pose = numbers(entry["X_WC"], f"X_WC of {side}")
     camera = Camera.from_values(values, (width, height), pose, lens)
-    _check_rigid(camera.X_WC, "a camera's X_WC")
+    check_rigid(camera.X_WC, "a camera's X_WC")
     return camera
 
 
@@ -241,10 +242,3 @@ def _mirror(entry: Mapping[str, Any], name: str) -> Mirror:
         number(entry["distance"], f"distance of {name}"),
         None if known is None else numbers(known, f"covariance of {name}", LARGEST_VARIANCE),
     )
-
-
-def _check_rigid(x: np.ndarray, name: str) -> None:
-    r = x[:3, :3]
-    orthonormal = np.abs(r @ r.T - np.eye(3)).max() <= 1e-9 and np.linalg.det(r) > 0.0
-    if not (orthonormal and np.array_equal(x[3], [0.0, 0.0, 0.0, 1.0])):
-        raise ValueError(f"{name} is not a rigid transform")

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.errors import NotIdentifiableError
+from nico_selfmodel.errors import DataError, NotIdentifiableError
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.self_model import SelfModel
 
@@ -58,8 +58,17 @@ class NextPoses:
 
 
 def drawn_between(recorded: NDArray, count: int, rng: np.random.Generator) -> NDArray:
-    """Draw poses between readings that were recorded. Shapes (N, n) -> (count, n)."""
+    """Draw poses between readings that were recorded. Shapes (N, n) -> (count, n).
+
+    Raises:
+        DataError: If they are all one pose.
+    """
     low, high = recorded.min(axis=0), recorded.max(axis=0)
+    if not (high > low).any():
+        raise DataError(
+            "all recorded poses are one, and nothing lies between them: give a recording that "
+            "covers where the robot may go"
+        )
     return low + (high - low) * rng.beta(_ENDS, _ENDS, (count, len(low)))
 
 

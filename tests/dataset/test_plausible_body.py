@@ -1,4 +1,4 @@
-"""Recordings of bodies in other units than they say are refused when they are read."""
+"""Recordings of bodies that cannot be what they say are refused when they are read."""
 
 from dataclasses import replace
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body_dataset
+from nico_selfmodel.dataset.body.link_joint import LinkJoint
 from nico_selfmodel.dataset.body.sensors import DISTANCE
 from nico_selfmodel.errors import DataError
 
@@ -51,3 +52,24 @@ def test_rotation_vectors_in_degrees_are_refused(tmp_path):
     values = data.observations.values * [1.0, 1.0, 1.0, 57.3, 57.3, 57.3]
     with pytest.raises(DataError, match="were degrees given as radians"):
         read_back(replace(data, observations=replace(data.observations, values=values)), tmp_path)
+
+
+def test_a_row_that_stands_there_twice_is_refused_with_both_lines(tmp_path):
+    data = one_arm(1, poses=6, markers=2).data
+    rows = np.append(np.arange(len(data.observations)), 4)
+    with pytest.raises(DataError, match=r"line 14, column 'sample': .* as line 6: it would count"):
+        read_back(data.of_rows(rows), tmp_path)
+
+
+def test_a_marker_that_was_measured_twice_at_a_pose_is_taken(tmp_path):
+    data = one_arm(1, poses=6).data
+    twice = data.of_rows(np.append(np.arange(len(data.observations)), 4))
+    values = twice.observations.values.copy()
+    values[-1, 0] += 1e-5
+    again = replace(twice, observations=replace(twice.observations, values=values))
+    assert len(read_back(again, tmp_path).observations) == 7
+
+
+def test_a_ratio_of_nothing_is_refused():
+    with pytest.raises(ValueError, match=r"ratios of 'follows' must not be 0"):
+        LinkJoint("elbow", follows={"shoulder": 0.0})

@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.errors import NotIdentifiableError
+from nico_selfmodel.errors import DataError, NotIdentifiableError
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.planning.pose_selection import (
     choose_poses,
+    drawn_between,
     position_jacobians,
     random_poses,
 )
@@ -190,3 +191,8 @@ def held_out(world, seed, sigmas):
 def visited(world, seed, session, commands):
     body = SimulatedRobot.under_motion_capture(ARM, world, seed, session)
     return record(body, [("", command) for command in commands], "poses")
+
+
+def test_nothing_is_drawn_between_readings_that_are_all_one():
+    with pytest.raises(DataError, match="all recorded poses are one"):
+        drawn_between(np.full((5, 3), 0.2), 4, np.random.default_rng(0))

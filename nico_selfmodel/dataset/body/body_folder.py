@@ -233,7 +233,25 @@ def _read_observations(
         for k, name in enumerate(names):
             values[own, k] = columns[name][own]
     mirrors = table.texts("mirror") if "mirror" in table.columns else np.full(len(table), "")
-    return ObservationTable(_samples_of(table, sample), sensor, marker, other, values, mirrors)
+    found = ObservationTable(_samples_of(table, sample), sensor, marker, other, values, mirrors)
+    _refuse_copies(table, found)
+    return found
+
+
+def _refuse_copies(table: CsvTable, found: ObservationTable) -> None:
+    """Refuse a row that stands there twice: it would count as two that were measured."""
+    mirror = np.unique(found.mirror, return_inverse=True)[1]
+    who = [found.pose, found.sensor, found.marker, found.other, mirror]
+    rows = np.column_stack([*who, np.nan_to_num(found.values)])
+    _, first, same = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    original = first[same.ravel()]
+    copies = np.flatnonzero((original != np.arange(len(rows))) & (found.pose != ANY_POSE))
+    if len(copies):
+        copy = int(copies[0])
+        raise DataError(
+            f"{table.where(copy, 'sample')}: the row is the same, to the last digit, as line "
+            f"{table.lines[int(original[copy])]}: it would count twice, leave one out"
+        )
 
 
 def _samples_of(table: CsvTable, sample: NDArray) -> NDArray:

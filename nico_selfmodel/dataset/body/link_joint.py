@@ -88,6 +88,11 @@ class LinkJoint:
             )
         if self.sign not in (1, -1):
             raise ValueError(f"joint {self.name!r}: sign must be 1 or -1, got {self.sign}")
+        if any(ratio == 0.0 for ratio in self.follows.values()):
+            raise ValueError(
+                f"joint {self.name!r}: ratios of 'follows' must not be 0, got "
+                f"{dict(self.follows)}: leave out what does not move it"
+            )
         if self.follows and self.motion in WHOLE_POSES:
             raise ValueError(f"joint {self.name!r}: a {self.motion} joint follows no joint")
         limits = [value for value in (self.lower, self.upper) if value is not None]

@@ -101,6 +101,11 @@ def expected_body_noise(model: BodyModel, data: BodyDataset) -> NoiseMixture:
     cameras = [model.noise.get(s.name) for s in data.sensors if s.kind == CAMERA]
     joints = [model.noise.get(name) for name in model.tree.joints]
     known = [value for value in cameras if value], [value for value in joints if value]
+    if not model.tree.lenses:
+        raise ModelError(
+            f"body {model.name!r} has no camera, by whose pixels it would be watched: hold what "
+            "trackers measured against it with `evaluate`"
+        )
     if not known[0]:
         raise ModelError(
             f"body {model.name!r} does not say the noise of its cameras: learn it by `calibrate "

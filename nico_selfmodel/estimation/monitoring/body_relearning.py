@@ -1,7 +1,7 @@
 """What is learned anew in a body of any tree, and nothing else: causes, encoder zeros, a tool."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import POSES
-from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.errors import ContradictedError, DataError, ModelError
 from nico_selfmodel.estimation.monitoring.body_contradictions import body_contradictions
 from nico_selfmodel.estimation.monitoring.body_zeros import likely_zeros
 from nico_selfmodel.estimation.monitoring.health import HealthReport
@@ -101,6 +101,7 @@ def rezero_body(
         joints: Joints whose zeros are lost; all that have encoders if omitted.
 
     Raises:
+        ContradictedError: If nothing that was seen agrees with the rest of the body.
         DataError: If the recording is of another body, or has too few numbers.
         ModelError: If the body does not say what noise to expect.
         NotIdentifiableError: If the poses leave a zero open; it names them.
@@ -111,12 +112,15 @@ def rezero_body(
     lost = _lost(tree, joints)
     zeros = [f"{joint}.{_ZERO[tree.motions[tree.joints.index(joint)]]}" for joint in lost]
     names, seen = frozenset(zeros), TreeObservations.of(told)
-    found = _relearned(model, tree, told, names)
-    against = body_contradictions(found.body(model), data)
-    if not _fits(found, against):
+    near = _if_anything_fits(lambda: _relearned(model, tree, told, names))
+    found, against = near, None
+    if near is not None:
+        against = body_contradictions(near.body(model), data)
+    if found is None or not _fits(found, against):
         # No slope leads to a zero that is far away: zeros all over the turn are tried.
         far = _relearned(model, tree, told, names, begin=likely_zeros(tree, seen, names))
-        found = min(found, far, key=lambda one: (int(one.set_aside.sum()), one.misfit))
+        tries = [far] if near is None else [near, far]
+        found = min(tries, key=lambda one: (int(one.set_aside.sum()), one.misfit))
         against = body_contradictions(found.body(model), data)
     parameters = found.found.parameters
     moved = found.found.values[[parameters.index[name] for name in zeros]]
@@ -155,6 +159,14 @@ def calibrate_body_tool(
     after = anew.body(model)
     against, seconds = body_contradictions(after, data), time.perf_counter() - clock
     return BodyUpdate("tool", after, anew, before, seconds, tool=name, against=against)
+
+
+def _if_anything_fits(learn: Callable[[], LearnedAnew]) -> LearnedAnew | None:
+    """Return what was learned; None where all that was seen contradicts what is held."""
+    try:
+        return learn()
+    except ContradictedError:
+        return None
 
 
 def _fits(anew: LearnedAnew, against: Contradictions | None) -> bool:

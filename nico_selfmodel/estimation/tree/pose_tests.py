@@ -7,7 +7,8 @@ does to half the sum of squares is known without solving again (Cook, Weisberg 1
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.noise.pose_noise import PoseWhitening
+from nico_selfmodel.errors import ContradictedError
+from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseWhitening
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.optimization.chi_square import as_rare_as
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
@@ -128,3 +129,32 @@ def _covariance(whitening: PoseWhitening, Jg: NDArray, prior: NDArray) -> NDArra
 
 def _squares(matrix: NDArray, e: NDArray) -> NDArray:
     return np.sum(e * np.linalg.solve(matrix, e[:, :, None])[:, :, 0], axis=1)
+
+
+def regrouped(slipped: NDArray, old: PoseGroups, new: PoseGroups) -> NDArray:
+    """Return what slipped by the visits that still count. (visits, m) of the old and the new."""
+    out = np.zeros((new.poses, slipped.shape[1]), dtype=bool)
+    common, a, b = np.intersect1d(old.numbers, new.numbers, return_indices=True)
+    out[b] = slipped[a]
+    return out if len(common) else np.zeros_like(out)
+
+
+def check_that_some_agree(
+    groups: PoseGroups, observations: TreeObservations, outliers: NDArray
+) -> None:
+    """Refuse to go on with nothing.
+
+    Args:
+        groups: What still counts.
+        observations: What was measured.
+        outliers: What does not count, by row of the table. Boolean, shape (N,).
+
+    Raises:
+        ContradictedError: If every observation is an outlier.
+    """
+    if not len(groups.numbers):
+        raise ContradictedError(
+            f"all {len(outliers)} observations of data set {observations.data.name!r} contradict "
+            "what is known of the body: it is a recording of another one, or its readings, rows "
+            "and units do not belong together"
+        )

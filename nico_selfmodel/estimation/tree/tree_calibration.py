@@ -1,7 +1,7 @@
 """Calibration of any body by any sensors: first body, adjustment, noise, error bars."""
 
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -16,13 +16,12 @@ from nico_selfmodel.estimation.bending.what_bends import At
 from nico_selfmodel.estimation.diagnosis.flatness import Flatness
 from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend
 from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boards
-from nico_selfmodel.estimation.tree.boards.surroundings import Surroundings
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, held_scores
+from nico_selfmodel.estimation.tree.contradictions.standing_still import check_that_it_moved
+from nico_selfmodel.estimation.tree.contradictions.told_values import agreeing_start
+from nico_selfmodel.estimation.tree.contradictions.wrong_units import start_in_stated_units
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
-from nico_selfmodel.estimation.tree.guesses.first_guess import first_bodies
-from nico_selfmodel.estimation.tree.mirrors.mirrored_tree import (
-    seen_directly,
-)
+from nico_selfmodel.estimation.tree.start_search import FoundStart, agreeing, searched_start
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, cross_validated, errors_of
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
@@ -32,6 +31,7 @@ from nico_selfmodel.estimation.tree.tree_setup import (
     TreeSetup,
     Wishes,
     blank_body,
+    moving_joints,
 )
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.estimation.tree.tree_start import TreeStart
@@ -40,9 +40,6 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import WORLD, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.optimization.uncertainty import Uncertainty, scales_by_priors
-
-_AGREE = 1e-3
-"""Difference of robust costs, a scalar, below which two starts reached one minimum."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,33 +151,25 @@ def calibrate_tree(
         The calibration. A failed check does not raise: see `estimation.judging.judge`.
 
     Raises:
-        DataError: If the recording cannot tell a first body, or nothing stands for the world.
+        DataError: If the recording cannot tell a first body, nothing moved in it, it contradicts
+            units or values that it is told, or nothing stands for the world.
         ValueError: If a name does not exist.
     """
     clock, wishes = time.perf_counter(), wishes or Wishes()
-    observations, direct = TreeObservations.of(data), seen_directly(data)
     by_boards, inside = lenses_by_boards(data, lenses or {})
     blank = blank_body(data, {**by_boards, **(lenses or {})})
     wishes = wishes.freeing(inside)
-    around = Surroundings.of_boards(observations, blank.lenses)
-    best: TreeStart | None = None
-    costs: list[float] = []
-    guessed: Iterable[tuple[str, BodyTree]] = [("boards", around.alone(blank))]
-    if direct is not None:
-        seen = TreeObservations.of(direct)
-        guessed = first_bodies(direct, blank, seen, description, around.cameras, seed)
-    for label, tree in guessed:
-        tree = around.about(tree)
-        start = TreeStart.from_body(label, tree, data, observations, description, wishes)
-        costs.append(start.cost)
-        if best is None or start.cost < best.cost:
-            best = start
-        if _agreeing(costs, observations) >= 2:
-            break
-    assert best is not None
+    moving = moving_joints(data, TreeParameters(blank))
+    check_that_it_moved(data, moving, described=description is not None)
+
+    def search(data: BodyDataset) -> FoundStart:
+        return searched_start(data, blank, description, wishes, seed)
+
+    found = start_in_stated_units(data, moving, search)
+    first = agreeing_start(found.start, found.tree, wishes, found.scalars, found.begin)
     held, masses = frozenset(wishes.pins.pinned), description and description.masses
     bends = partial(_bent, held=held, effects=effects, up=up, seed=seed, masses=masses)
-    return _finished(best, data, test, description, name, costs, clock, bends)
+    return _finished(first, data, test, description, name, found.costs, clock, bends)
 
 
 def refit_tree(
@@ -239,17 +228,13 @@ def _bent(
     return climb(BendingTree(TreeBend(problem, solution), held, up, seed, masses), effects)
 
 
-def _agreeing(costs: list[float], observations: TreeObservations) -> int:
-    return int(np.sum(np.array(costs) - min(costs) < _AGREE * observations.scalars))
-
-
 def _finished(
     start: TreeStart,
     data: BodyDataset,
     test: BodyDataset | None,
     description: Description | None,
     name: str | None,
-    costs: list[float],
+    costs: Sequence[float],
     clock: float,
     bends: Callable[[TreeProblem, TreeSolution], Ladder],
     noise: TreeNoise | None = None,
@@ -284,7 +269,7 @@ def _finished(
         described,
         start.label,
         len(costs),
-        _agreeing(costs, residuals.observations),
+        agreeing(costs, residuals.observations.scalars),
         time.perf_counter() - clock,
         description,
         ladder,

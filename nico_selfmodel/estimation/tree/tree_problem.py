@@ -22,7 +22,12 @@ from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.joint_errors import joint_errors
-from nico_selfmodel.estimation.tree.pose_tests import far_observations, slipped_joints
+from nico_selfmodel.estimation.tree.pose_tests import (
+    check_that_some_agree,
+    far_observations,
+    regrouped,
+    slipped_joints,
+)
 from nico_selfmodel.estimation.tree.tree_block import TreeBlock
 from nico_selfmodel.estimation.tree.tree_noise import likeliest_noise
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
@@ -179,6 +184,9 @@ class TreeProblem:
             outliers: Observations to leave out at first, by row of the table; those that stand
                 out at the start if omitted. Shape (N,).
             trim: Look for outliers and slips; else all counts alike.
+
+        Raises:
+            ContradictedError: If every observation is an outlier.
         """
         data = self.observations
         found = self._outlying(values) if outliers is None else outliers
@@ -204,7 +212,8 @@ class TreeProblem:
                 now_slipped, now_found = self._tested(linear, groups, slipped, found)
             new = self.observations.groups(now_found)
             same = np.array_equal(now_found, found) and np.array_equal(now_slipped, slipped)
-            slipped, found = _regrouped(now_slipped, groups, new), now_found
+            check_that_some_agree(new, data, now_found)
+            slipped, found = regrouped(now_slipped, groups, new), now_found
             groups = new
             if same and self.noise.is_like(before):
                 break
@@ -389,11 +398,3 @@ class TreeProblem:
         seen = self.observations
         far = far_observations(seen, whitening, r, J, by_joint, prior, outliers, linear.took)
         return found, far
-
-
-def _regrouped(slipped: NDArray, old: PoseGroups, new: PoseGroups) -> NDArray:
-    """Return what slipped by the visits that still count."""
-    out = np.zeros((new.poses, slipped.shape[1]), dtype=bool)
-    _, a, b = np.intersect1d(old.numbers, new.numbers, return_indices=True)
-    out[b] = slipped[a]
-    return out

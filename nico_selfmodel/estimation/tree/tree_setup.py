@@ -164,7 +164,7 @@ def setup_of(
         _refuse_frames(parameters, wishes)
     world = _world_of(data, description)
     free, priors = set[str](), dict[str, tuple[float, float]]()
-    moving = _moving(data, parameters)
+    moving = moving_joints(data, parameters)
     for i, joint in enumerate(data.joints):
         if not moving[i] or joint.motion == FREE:
             continue
@@ -223,7 +223,7 @@ def _refuse_frames(parameters: TreeParameters, wishes: Wishes) -> None:
         )
 
 
-def _moving(data: BodyDataset, parameters: TreeParameters) -> NDArray:
+def moving_joints(data: BodyDataset, parameters: TreeParameters) -> NDArray:
     """Return which joints move anything against what sees it. Boolean, shape (n,)."""
     table, beyond = data.observations, parameters.base.beyond
     on_marker = np.array([data.on_link(m.on) for m in data.markers])

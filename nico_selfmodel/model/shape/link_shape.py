@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import frozen_array, read_only
+from nico_selfmodel.geometry.transform import check_rigid
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
 from nico_selfmodel.names import check_name
 
@@ -114,8 +115,5 @@ def _of_seen(value: NDArray, seen: NDArray, shape: tuple[int, ...], name: str) -
 def _rigid(value: NDArray, name: str) -> NDArray:
     """Return a read-only copy of a rigid pose."""
     pose = frozen_array(value, (4, 4), name)
-    turn = pose[:3, :3]
-    off = np.abs(turn @ turn.T - np.eye(3)).max()
-    if off > 1e-6 or np.linalg.det(turn) < 0.0 or not np.array_equal(pose[3], [0, 0, 0, 1]):
-        raise ValueError(f"{name} is not a rigid transform")
+    check_rigid(pose, name, 1e-6)
     return pose

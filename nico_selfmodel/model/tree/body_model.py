@@ -14,11 +14,19 @@ from nico_selfmodel.files.reading import LARGEST_BODY, read_text
 from nico_selfmodel.files.whole import write_whole
 from nico_selfmodel.files.yaml_text import parse_yaml, yaml_text
 from nico_selfmodel.geometry.plane import Plane
+from nico_selfmodel.geometry.transform import check_rigid
 from nico_selfmodel.model.arm.bending_document import bending_document, bending_of
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL, intrinsics_of
 from nico_selfmodel.model.document_values import damage, mapping, mappings, numbers, texts
 from nico_selfmodel.model.self_model import ParameterCovariance
+from nico_selfmodel.model.tree.body_check import (
+    check_joint,
+    check_parameters,
+    checked_expected,
+    checked_noise,
+    link_named,
+)
 from nico_selfmodel.model.tree.body_tree import FREE, WORLD, Attached, BodyTree
 from nico_selfmodel.model.tree.standing_mirror import StandingMirror
 from nico_selfmodel.names import shown
@@ -27,6 +35,8 @@ FORMAT = "nico-body/1"
 BODY_FILE = "body.yaml"
 """Name of the file in a result folder."""
 _WORLD = "world"
+_RIGID = 1e-6
+"""How far axes of a pose in a file may be from square and of unit length."""
 _LIMITS = {"lower": -np.inf, "upper": np.inf}
 """Keys of a joint's limits, and what they are where they are not there."""
 
@@ -184,6 +194,7 @@ def _model(document: dict[str, Any]) -> BodyModel:
     index = {name: i for i, name in enumerate(names)} | {_WORLD: WORLD}
     coupling = np.eye(len(names))
     for i, joint in enumerate(joints):
+        check_joint(joint)
         if "follows" in joint:
             coupling[i] = 0.0
             for lead, ratio in mapping(joint["follows"], "follows").items():
@@ -194,8 +205,11 @@ def _model(document: dict[str, Any]) -> BodyModel:
     tree = BodyTree(
         tuple(names),
         tuple(texts([joint["motion"] for joint in joints], "motions")),
-        np.array([index[joint["parent"]] for joint in joints], dtype=int),
-        np.array([numbers(joint["X_PJ"], "X_PJ") for joint in joints]).reshape(-1, 4, 4),
+        np.array(
+            [link_named(joint["parent"], index, f"joint {joint['name']}") for joint in joints],
+            dtype=int,
+        ),
+        np.array([_pose(joint, "X_PJ") for joint in joints]).reshape(-1, 4, 4),
         np.array([float(joint["gear"]) for joint in joints]),
         coupling,
         tuple(_read_attached(entry, index) for entry in mappings(document["markers"], "markers")),
@@ -207,6 +221,7 @@ def _model(document: dict[str, Any]) -> BodyModel:
     known = document.get("covariance")
     covariance = None
     if known is not None:
+        check_parameters(texts(known["names"], "covariance"), tree.names)
         covariance = ParameterCovariance(
             tuple(texts(known["names"], "covariance")), numbers(known["matrix"], "covariance")
         )
@@ -215,8 +230,8 @@ def _model(document: dict[str, Any]) -> BodyModel:
         tree,
         np.array([float(joint["si_per_unit"]) for joint in joints]),
         covariance,
-        {str(k): float(v) for k, v in mapping(document["noise"], "noise").items()},
-        mapping(document.get("expected"), "expected"),
+        checked_noise(document["noise"]),
+        checked_expected(document.get("expected")),
         mapping(document["provenance"], "provenance"),
         np.array([[float(j.get(k, end)) for j in joints] for k, end in _LIMITS.items()]),
     )
@@ -225,10 +240,20 @@ def _model(document: dict[str, Any]) -> BodyModel:
 def _read_attached(entry: Mapping[str, Any], index: Mapping[str, int]) -> Attached:
     return Attached(
         entry["name"],
-        index[entry["on"]],
-        np.asarray(numbers(entry["X_LA"], "X_LA")),
+        link_named(entry["on"], index, entry["name"]),
+        _pose(entry, "X_LA"),
         bool(entry.get("oriented", True)),
     )
+
+
+def _pose(entry: Mapping[str, Any], key: str) -> NDArray:
+    """Return a pose of a body's file. Shape (4, 4)."""
+    name = f"{key} of {entry['name']}"
+    X = np.asarray(numbers(entry[key], name))
+    if X.shape != (4, 4):
+        raise ValueError(f"{name} must have shape (4, 4), got {X.shape}")
+    check_rigid(X, name, _RIGID)
+    return X
 
 
 def _read_lens(entry: Mapping[str, Any]) -> Camera:

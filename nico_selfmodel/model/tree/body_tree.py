@@ -77,7 +77,7 @@ class BodyTree:
     def __post_init__(self) -> None:
         """Check that it is a tree, and make the arrays read-only."""
         n = len(self.joints)
-        names = [*self.joints, *(m.name for m in self.markers), *(s.name for s in self.sensors)]
+        names = self.names
         if len(set(names)) < len(names):
             twice = sorted({name for name in names if names.count(name) > 1})
             raise ValueError(f"names must be unique in a body, got {listed(twice)} more than once")
@@ -98,6 +98,11 @@ class BodyTree:
         object.__setattr__(self, "X_PJ", frozen_array(self.X_PJ, (n, 4, 4), "X_PJ"))
         object.__setattr__(self, "gear", frozen_array(self.gear, (n,), "gear"))
         object.__setattr__(self, "coupling", frozen_array(self.coupling, (n, n), "coupling"))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of joints, markers and sensors."""
+        return (*self.joints, *(item.name for item in (*self.markers, *self.sensors)))
 
     @cached_property
     def X_attached(self) -> NDArray:

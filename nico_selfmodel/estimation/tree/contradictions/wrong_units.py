@@ -1,0 +1,101 @@
+"""Joints of a body read in another unit than stated: mended, the same recording fits."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.errors import DataError, SelfModelError
+from nico_selfmodel.estimation.diagnosis.mistaken_units import OTHER_UNIT, mistaken_units
+from nico_selfmodel.estimation.tree.start_search import FoundStart
+from nico_selfmodel.model.tree.body_tree import REVOLUTE
+from nico_selfmodel.names import listed
+
+_SMALLER = 2.0
+"""Times that errors are smaller with a unit that is mended, at least."""
+
+Search = Callable[[BodyDataset], FoundStart]
+"""Finds a first body of a recording."""
+
+
+def start_in_stated_units(data: BodyDataset, moving: NDArray, search: Search) -> FoundStart:
+    """Return a first body; refuse readings that fit in another unit than stated.
+
+    Spans of the joints tell which units are in doubt. They are wrong where a body learned anew
+    from the mended readings leaves errors that are far smaller. That of one joint spoils all.
+
+    Args:
+        data: The recording.
+        moving: Which joints move anything that was seen. Boolean, shape (n,).
+        search: Finds a first body.
+
+    Raises:
+        DataError: If there are such joints; it names them and their unit.
+    """
+    factors = _in_doubt(data, moving)
+    if (factors == 1.0).all():
+        return search(data)
+    stated = _tried(data, search)
+    mended = _tried(_times(data, factors), search)
+    if isinstance(mended, SelfModelError) or not _is_better(mended, stated):
+        if isinstance(stated, SelfModelError):
+            raise stated
+        return stated
+    wrong = np.flatnonzero(factors != 1.0).tolist()
+    if len(wrong) > 1:
+        wrong = [i for i in wrong if _is_needed(i, data, factors, mended, search)]
+    raise DataError(_words(data, wrong))
+
+
+def _in_doubt(data: BodyDataset, moving: NDArray) -> NDArray:
+    """Return what would mend each joint's readings, 1 where nothing. Shape (n,)."""
+    joints, factors = data.joints, np.ones(len(data.joints))
+    turning = [i for i, j in enumerate(joints) if j.motion == REVOLUTE and not j.follows]
+    units = [joints[i].encoder_unit for i in turning]
+    asked = np.asarray(moving)[turning]
+    if turning:
+        factors[turning] = mistaken_units(data.si_readings[:, turning], units, asked)
+    return factors
+
+
+def _times(data: BodyDataset, factors: NDArray) -> BodyDataset:
+    return replace(data, readings=data.readings * factors)
+
+
+def _tried(data: BodyDataset, search: Search) -> FoundStart | SelfModelError:
+    """Return a first body, or why there is none."""
+    try:
+        return search(data)
+    except SelfModelError as error:
+        return error
+
+
+def _is_better(mended: FoundStart, stated: FoundStart | SelfModelError) -> bool:
+    """Whether errors are far smaller; costs hold twice their logarithms."""
+    if isinstance(stated, SelfModelError):
+        return True
+    limit = 2.0 * mended.scalars * np.log(_SMALLER)
+    return stated.start.cost - mended.start.cost > limit
+
+
+def _is_needed(
+    i: int, data: BodyDataset, factors: NDArray, mended: FoundStart, search: Search
+) -> bool:
+    """Whether the others mended alone do not fit."""
+    others = factors.copy()
+    others[i] = 1.0
+    return _is_better(mended, _tried(_times(data, others), search))
+
+
+def _words(data: BodyDataset, wrong: list[int]) -> str:
+    joints = [data.joints[i] for i in wrong]
+    names = {unit: [j.name for j in joints if j.encoder_unit == unit] for unit in OTHER_UNIT}
+    said = [
+        f"{listed(found)} {'is' if len(found) == 1 else 'are'} read in {OTHER_UNIT[unit][0]}, not "
+        f"in {unit} as data set {data.name!r} states (encoder_unit)"
+        for unit, found in names.items()
+        if found
+    ]
+    return f"{'; '.join(said)}: with readings so mended the same observations fit"

@@ -1,0 +1,99 @@
+"""What cannot tell a body, or contradicts what the user said of it, is refused with its cause."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.errors import ContradictedError, DataError, ModelError
+from nico_selfmodel.estimation.monitoring.body_health import check_body_health
+from nico_selfmodel.estimation.monitoring.body_relearning import rezero_body
+from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
+from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+from nico_selfmodel.estimation.tree.tree_result import body_model
+from nico_selfmodel.estimation.tree.tree_setup import Wishes
+
+from .simulated_trees import one_arm
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return one_arm(3, joints=4, markers=2, poses=40).data
+
+
+@pytest.fixture(scope="module")
+def place(arm):
+    """Where the first tag is said to be by the data alone."""
+    found = calibrate_tree(arm, effects=())
+    return float(found.values[found.parameters.index["hand_tag0.x"]])
+
+
+def refusal(data, **told):
+    with pytest.raises(DataError) as raised:
+        calibrate_tree(data, effects=(), **told)
+    return str(raised.value)
+
+
+@pytest.mark.parametrize("kind", ["fix", "prior"])
+def test_a_told_value_that_contradicts_the_data_is_named_with_what_they_ask_for(arm, place, kind):
+    pins = FixedParameters({"hand_tag0.x": place + 0.3, "hand_tag1.x": None})
+    wishes = Wishes(pins)
+    if kind == "prior":
+        wishes = Wishes(FixedParameters({}), {"hand_tag0.x": (place + 0.3, 1e-4)})
+    said = refusal(arm, wishes=wishes)
+    assert f"leave out --{kind} hand_tag0.x" in said
+    assert "hand_tag1" not in said
+    wanted = float(said.split("the data ask for ")[1].split(":")[0])
+    assert wanted == pytest.approx(place, abs=2e-3)
+
+
+@pytest.mark.parametrize("off", [0.0, 2e-4])
+def test_a_told_value_that_agrees_is_kept(arm, place, off):
+    wishes = Wishes(FixedParameters({"hand_tag0.x": place + off}))
+    found = calibrate_tree(arm, wishes=wishes, effects=())
+    assert found.values[found.parameters.index["hand_tag0.x"]] == place + off
+
+
+def test_of_several_told_values_only_the_wrong_one_is_named():
+    data = one_arm(4, joints=4, markers=3, poses=40, sensor="camera").data
+    right = calibrate_tree(data, effects=())
+    at = {n: float(right.values[right.parameters.index[n]]) for n in ("right.rx", "right.x")}
+    pins = {"right.rx": at["right.rx"] + 0.2, "right.x": at["right.x"]}
+    said = refusal(data, wishes=Wishes(FixedParameters(pins)))
+    assert "leave out --fix right.rx" in said
+    assert "right.x is" not in said
+
+
+def test_a_joint_that_stood_still_is_named(arm):
+    readings = arm.readings.copy()
+    readings[:, 1] = 0.3
+    assert refusal(replace(arm, readings=readings)).startswith("j2 stood still in all 40 samples")
+
+
+def test_markers_that_no_joint_moves_are_refused(arm):
+    markers = tuple(replace(marker, on="world") for marker in arm.markers)
+    assert "say by 'on' which link" in refusal(replace(arm, markers=markers))
+
+
+def test_a_sensor_that_hangs_is_named(arm):
+    table = arm.observations
+    values = table.values.copy()
+    values[table.marker == 1] = values[np.flatnonzero(table.marker == 1)[0]]
+    said = refusal(replace(arm, observations=replace(table, values=values)))
+    assert "what 'tracker' measured of 'hand_tag1' is the same to the last digit" in said
+
+
+def test_a_recording_in_which_nothing_agrees_with_the_body_is_refused(arm):
+    body = body_model(calibrate_tree(arm, effects=()))
+    few = arm.select(np.arange(40) < 20)
+    table, rng = few.observations, np.random.default_rng(0)
+    values = table.values.copy()
+    values[:, :3] = rng.uniform(0.0, 1.0, size=(len(values), 3))
+    with pytest.raises(ContradictedError, match="all 40 observations of data set 'simulated'"):
+        rezero_body(body, replace(few, observations=replace(table, values=values)))
+
+
+def test_a_body_without_cameras_is_not_watched_and_says_so(arm):
+    body = body_model(calibrate_tree(arm, effects=()))
+    with pytest.raises(ModelError, match="has no camera, by whose pixels"):
+        check_body_health(body, arm)
