@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.estimation.shape.refinement import RefinedSurface
 from nico_selfmodel.experiments.mirror_test import stages, structure
 from nico_selfmodel.experiments.mirror_test.structure import LinkStructure, StructureStage
 from nico_selfmodel.experiments.mirror_test.structure_report import (
@@ -15,7 +16,7 @@ from nico_selfmodel.experiments.mirror_test.structure_report import (
 )
 from nico_selfmodel.geometry.surface_nets import surface_nets
 from nico_selfmodel.geometry.voxel_grid import VoxelGrid
-from nico_selfmodel.sessions.mirrors.learned_shape import Skeleton
+from nico_selfmodel.sessions.mirrors.learned_shape import FEWEST, Skeleton, claimed
 from nico_selfmodel.sessions.mirrors.shape_looks import SHAPE_MIRRORS
 from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
@@ -78,6 +79,21 @@ def test_places_are_nearest_to_the_lines_between_their_links_joints():
     found = skeleton.distances(np.array([[0.5, 0.2, 0.0], [2.0, 0.0, 0.0], [0.0, 1.5, 0.0]]))
     np.testing.assert_allclose(found[:, 0], [0.2, 1.0, 1.5])
     np.testing.assert_allclose(found[[2], 1], [0.5])
+
+
+@pytest.mark.parametrize(("looks", "lost"), [(FEWEST, False), (FEWEST - 1, True)])
+def test_a_place_is_claimed_where_enough_pictures_show_it_and_all_that_is_next_to_it(looks, lost):
+    size = len(BALL.vertices)
+    each = np.full(size, FEWEST)
+    each[7] = looks
+    colors, sigma = np.full((size, 3), 90.0), np.full(size, 1e-3)
+    next_to_it = BALL.edges[(BALL.edges == 7).any(axis=1)]
+    found = claimed(RefinedSurface(BALL, sigma, colors, each, ()))
+    assert sorted(np.flatnonzero(~found)) == (sorted(np.unique(next_to_it)) if lost else [])
+    colors[7] = np.nan
+    assert not claimed(RefinedSurface(BALL, sigma, colors, np.full(size, FEWEST), ()))[
+        next_to_it
+    ].any()
 
 
 @pytest.mark.parametrize("sigma", [1e-3, 0.5e-3])

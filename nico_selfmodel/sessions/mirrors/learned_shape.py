@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.shape.fair_surface import Neighbours
 from nico_selfmodel.estimation.shape.fusion import DepthView, first_surface
 from nico_selfmodel.estimation.shape.refinement import RefinedSurface, refine_surface
 from nico_selfmodel.estimation.shape.shape_views import ShapeView, ShapeViews
@@ -33,7 +34,7 @@ _INSIDE = -1.0
 _SHARE = 0.8
 """Of the way to a joint that a link's line goes."""
 FEWEST = 10
-"""Pictures that must show a place before its shape is claimed."""
+"""Pictures that must show a place, and those next to it, before its shape is claimed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,9 +165,9 @@ def _links(
     poses: Mapping[str, NDArray],
     wanted: Sequence[str],
 ) -> dict[str, LinkShape]:
-    """Give each place to the link whose lines are nearest; enough pictures claim it."""
+    """Give each place to the link whose lines are nearest."""
     nearest = np.argmin(skeleton.distances(found.mesh.vertices), axis=1)
-    seen = (found.looks >= FEWEST) & np.isfinite(found.colors).all(axis=1)
+    seen = claimed(found)
     names, shapes = np.array(skeleton.links)[nearest], {}
     for link in wanted:
         used, mesh = found.mesh.used(names == link), found.mesh.of_vertices(names == link)
@@ -179,3 +180,14 @@ def _links(
             seen[used],
         )
     return shapes
+
+
+def claimed(found: RefinedSurface) -> NDArray:
+    """Return which vertices enough pictures show, and all of their neighbours, too. Shape (V,).
+
+    Where what is seen ends, a surface is held by smoothness from one side alone, and what hides it
+    is near: vertices there are off by twice their sigma.
+    """
+    shown = (found.looks >= FEWEST) & np.isfinite(found.colors).all(axis=1)
+    around = Neighbours.of(found.mesh).means(shown.astype(float))
+    return shown & (around == 1.0)
