@@ -67,7 +67,7 @@ def test_a_body_is_learned_as_well_as_through_any_lens(seen, tmp_path):
         evaluate(one.model, scenario().test).statistics.mean for one in (learned(), found)
     )
     assert error < 1.15 * plain
-    assert found.model.rig.lens == kind
+    assert found.model.rig.lenses == (kind, kind)
     save_model(found.model, tmp_path / "body.yaml")
     again = load_model(tmp_path / "body.yaml")
     assert again.rig.values == pytest.approx(found.model.rig.values)

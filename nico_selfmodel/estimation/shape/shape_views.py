@@ -87,7 +87,7 @@ class ShapeViews:
         """Return how pixels of reflections move by what may be wrong. Shape (N, 4, c)."""
         behind = reflect(mirror.plane_in(self.rig.left.X_WC), p_WQ)
         p_LQ = apply(self.rig.left.X_CW, behind)
-        by_rig = project_to_cameras(p_LQ.T, self.rig.values, self.rig.lens)[2]
+        by_rig = project_to_cameras(p_LQ.T, self.rig.values, self.rig.lenses)[2]
         return by_rig[[self.rig.names.index(name) for name in self.cameras]].transpose(2, 1, 0)
 
     def centers(self) -> NDArray:
