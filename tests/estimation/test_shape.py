@@ -181,7 +181,7 @@ def test_pixels_of_mirrored_points_move_with_the_cameras_as_is_said():
             for sign in (1, -1):
                 inside = views.rig.values
                 inside[views.rig.names.index(name)] += sign * 1e-6
-                rig = StereoRig.from_values(inside, views.rig.left.image_size)
+                rig = views.rig.with_values(inside)
                 pixels.append(replace(views, rig=rig).pixels(p)[2 + number][0])
             slope = (pixels[0] - pixels[1]) / 2e-6
             np.testing.assert_allclose(told[:, k], slope, rtol=1e-4, atol=1e-5)
