@@ -9,7 +9,6 @@ from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.arm.line_kinematics import hand_points
-from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror, plane_of_values
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig, reflected_projection
 from nico_selfmodel.model.self_model import SelfModel
@@ -86,7 +85,7 @@ def plan_mirror_poses(
     q = model.servos.to_joint(readings)
     p_WH = model.points(q, index)
     pixels = rig.project(p_WH)
-    visible = _inside(pixels, rig.rig.cameras, margin)
+    visible = rig.rig.inside(pixels, margin)
     clear = free_space(model.chain, rig, q) >= clearance
     fit = np.flatnonzero(visible & clear)
     if not fit.size:
@@ -171,12 +170,6 @@ def _information(model: SelfModel, rig: MirrorRig, p_WH: NDArray) -> NDArray:
     covariance = (model.pixel_sigma or 1.0) ** 2 * np.eye(4)
     covariance = covariance + hand * shown.by_point @ np.swapaxes(shown.by_point, 1, 2)
     return np.swapaxes(shown.by_mirror, 1, 2) @ np.linalg.solve(covariance, shown.by_mirror)
-
-
-def _inside(pixels: NDArray, cameras: tuple[Camera, ...], margin: float) -> NDArray:
-    """Return which rows lie inside both images. Shape (N, 4) -> (N,)."""
-    far = np.concatenate([camera.image_size for camera in cameras]) - 1.0 - margin
-    return np.asarray(((pixels >= margin) & (pixels <= far)).all(axis=1))
 
 
 def _why_none(visible: NDArray, clear: NDArray, clearance: float) -> str:

@@ -112,13 +112,10 @@ class MirrorView:
 def _shown(workspace: VisibleWorkspace, rig: MirrorRig, q: NDArray) -> NDArray:
     """Return which poses show all markers in a mirror to both cameras. Shapes (N, n) -> (N,)."""
     shown = np.ones(len(q), dtype=bool)
-    limit = np.tile(rig.rig.left.image_size, 2) - 1.0 - _MARGIN
     for marker in workspace.markers:
         k = workspace.arm.markers.index(marker)
         p_BH = workspace.arm.chain.forward(q, k)
-        pixels = rig.project(p_BH)
-        with np.errstate(invalid="ignore"):
-            shown &= ((pixels > _MARGIN) & (pixels < limit)).all(axis=1)
+        shown &= rig.rig.inside(rig.project(p_BH), _MARGIN)
         shown &= rig.plane.distance_to(p_BH) > _CLEARANCE
         if marker in _SIDE:
             shown &= _width_in_mirror(workspace, rig, q, k) * _SIDE[marker] > LEAST_SIDE

@@ -92,7 +92,7 @@ def _pool(
         return drawn_between(recorded, POOL, rng)
     drawn = drawn_between(recorded, _DRAWS * POOL, rng)
     pixels = model.rig.project(model.predict(drawn, marker).p_WH).reshape(-1, 2, 2)
-    size = np.array(data.image_size, dtype=float)
+    size = np.array([camera.image_size for camera in model.rig.cameras], dtype=float)
     inside = (pixels > _MARGIN * size) & (pixels < (1.0 - _MARGIN) * size)
     seen = drawn[inside.all(axis=(1, 2))][:POOL]
     if not len(seen):

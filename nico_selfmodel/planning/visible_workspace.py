@@ -207,14 +207,11 @@ class VisibleWorkspace:
             near: Least distance [m].
             far: Largest distance [m].
         """
-        pixels, margin = self.rig.project(p_BQ), self.limits.margin
-        edge = np.array([*self.rig.left.image_size] * 2) - 1.0 - margin
-        with np.errstate(invalid="ignore"):
-            inside = ((pixels > margin) & (pixels < edge)).all(axis=1)
+        inside = self.rig.inside(self.rig.project(p_BQ), self.limits.margin)
         for camera in self.rig.cameras[: self.limits.cameras]:
             distance = np.linalg.norm(p_BQ - camera.X_WC[:3, 3], axis=1)
             inside &= (distance > near) & (distance < far)
-        return np.asarray(inside)
+        return inside
 
     def normals(self, q: NDArray, k: int) -> NDArray:
         """Return the z axis of a point's frame, which points out of a fiducial. Shape (N, 3).

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.errors import DataError
+from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.camera_formats.coefficients import (
     camera_of,
@@ -32,9 +32,14 @@ def opencv_text(cameras: Mapping[str, Camera], *, as_json: bool) -> str:
         as_json: JSON in place of YAML.
 
     Raises:
-        ModelError: If pixels are sheared.
+        ModelError: If pixels are sheared, or two cameras have lenses or images of different kinds.
     """
     entries: dict[str, Any] = {}
+    if len({(camera.image_size, camera.lens == FISHEYE) for camera in cameras.values()}) > 1:
+        raise ModelError(
+            "OpenCV's file of a pair has one image size, and fisheyes alone or none: export these "
+            "cameras with --format kalibr or mrcal, which have a place for each"
+        )
     for number, camera in enumerate(cameras.values(), start=1):
         require_no_skew(camera, "OpenCV")
         names = _ONE if len(cameras) == 1 else (f"M{number}", f"D{number}")

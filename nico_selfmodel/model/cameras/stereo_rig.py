@@ -122,6 +122,17 @@ class StereoRig:
         """
         return np.concatenate([camera.project(p_WQ) for camera in self.cameras], axis=-1)
 
+    def inside(self, pixels: ArrayLike, margin: float = 0.0) -> NDArray:
+        """Return which pixels lie in both images, away from their edges. Shapes (N, 4) -> (N,).
+
+        Args:
+            pixels: As `project` has them; nan is outside.
+            margin: Least distance from an edge [px].
+        """
+        far = np.concatenate([camera.image_size for camera in self.cameras]) - 1.0 - margin
+        found = np.asarray(pixels, dtype=float)
+        return np.asarray(((found >= margin) & (found <= far)).all(axis=1))
+
     def triangulate(
         self, pixels: ArrayLike, pixel_covariance: ArrayLike | float = 1.0
     ) -> Triangulation:
