@@ -134,9 +134,9 @@ def _squares(matrix: NDArray, e: NDArray) -> NDArray:
 def regrouped(slipped: NDArray, old: PoseGroups, new: PoseGroups) -> NDArray:
     """Return what slipped by the visits that still count. (visits, m) of the old and the new."""
     out = np.zeros((new.poses, slipped.shape[1]), dtype=bool)
-    common, a, b = np.intersect1d(old.numbers, new.numbers, return_indices=True)
+    _, a, b = np.intersect1d(old.numbers, new.numbers, return_indices=True)
     out[b] = slipped[a]
-    return out if len(common) else np.zeros_like(out)
+    return out
 
 
 def check_that_some_agree(

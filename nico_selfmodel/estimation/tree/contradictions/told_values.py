@@ -44,19 +44,18 @@ def agreeing_start(
     loose = begin(start.label, tree, _without(wishes, told))
     if start.cost < loose.cost + limit:
         return start
-    again = begin(start.label, loose.parameters.tree_of(loose.values), wishes)
-    start = min(start, again, key=lambda one: one.cost)
+    body = loose.parameters.tree_of(loose.values)
+    start = min(start, begin(start.label, body, wishes), key=lambda one: one.cost)
     wrong: list[str] = []
-    now, freed = start, loose
+    now = start
     while now.cost > loose.cost + limit and len(wrong) < len(told):
         others = [name for name in told if name not in wrong]
-        body = loose.parameters.tree_of(loose.values)
         tries = [begin(start.label, body, _without(wishes, [*wrong, n])) for n in others]
         best = min(range(len(tries)), key=lambda i: tries[i].cost)
-        now, freed = tries[best], tries[best]
+        now = tries[best]
         wrong.append(others[best])
     if wrong:
-        raise DataError(_words(wrong, wishes, freed))
+        raise DataError(_words(wrong, wishes, now))
     return start
 
 
