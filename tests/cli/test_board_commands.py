@@ -109,7 +109,7 @@ def test_cameras_with_images_of_two_sizes_are_a_rig(photographs, tmp_path, comma
     out = tmp_path / "rig"
     words = (*BOARD, "--lens", "small=rational,wide=polynomial", "--out", out)
     done = command("calibrate", "cameras", other, *words)
-    assert done.returncode in (0, 1), done.stderr
+    assert done.returncode == 0, done.stdout + done.stderr
     cameras = load_model(out).cameras
     assert [cameras[name].image_size for name in ("wide", "small")] == [(800, 600), (720, 540)]
     assert [cameras[name].lens for name in ("wide", "small")] == ["polynomial", "rational"]

@@ -5,17 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation.cameras.board_accuracy import (
     Reconstruction,
     corner_distances,
     cross_validate_cameras,
     epipolar_errors,
+    have_rays,
     held_out_residuals,
 )
+from nico_selfmodel.estimation.cameras.board_check import BoardCheck
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
-from nico_selfmodel.geometry.transform import apply
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.transform import apply, transform
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 from .simulated_boards import LEFT, P_GQ, RIG, RIGHT, SQUARE, boards, changed, pictures, unseen
@@ -200,3 +206,39 @@ def test_distances_are_those_of_the_corners_that_were_seen():
     r[1, 2, 2:] = [-6.0, 8.0]
     assert sorted(corner_distances(r)) == [1.0, 5.0, 10.0]
     assert len(corner_distances(np.zeros((0, 54, 4)))) == 0
+
+
+def extrapolated():
+    """Return a rational lens far outside of where boards told it, and sights that meet nowhere."""
+    k = {
+        "k1": -0.65093,
+        "k2": -0.9985,
+        "k3": -0.060522,
+        "k4": -0.4517,
+        "k5": -1.3734,
+        "k6": 0.074359,
+    }
+    size, turn = (640, 480), rotation_from_vector(np.array([0.00705, -0.027306, 0.010621]))
+    X_LR = transform(turn, [0.071405, -0.0027618, 0.00095384])
+    left = Camera(385.06, 385.83, 326.95, 233.72, size, k1=0.019807, k2=-0.010331, lens="fisheye")
+    right = Camera(387.35, 379.77, 331.65, 245.9, size, **k, lens="rational", X_WC=X_LR)
+    corners = [[69.2, 300.7, -32.8, 328.0], [78.9, 329.5, -20.0, 359.3], [89.5, 356.9, -7.3, 389.1]]
+    return StereoRig(left, right), np.array([*corners, [100.4, 382.6, 5.1, 417.7]])
+
+
+def test_boards_whose_sights_meet_nowhere_are_left_out():
+    rig, astray = extrapolated()
+    square = 0.02 * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
+    near = rig.project(square + np.array([0.02, 0.01, 0.4]))
+    assert have_rays(rig, astray).all()
+    assert not np.isfinite(rig.triangulate(astray).p_WQ).all()
+    sizes = ((640, 480),) * 2
+    views = BoardViews(square, ("near", "astray"), SIDES, np.stack([near, astray]), sizes)
+    found = Reconstruction.from_views(rig, views)
+    assert found.views == ("near",)
+    assert found.errors.max() < 1e-6
+    other = StereoRig(rig.left, replace(rig.right, k1=0.0, k2=0.0, k3=0.0, k4=0.0, k5=0.0, k6=0.0))
+    flat = views.select([1])
+    assert BoardCheck.from_rigs(rig, other, flat, held_out=True) is None
+    (reason,) = BoardCheck.from_rigs(other, rig, flat, held_out=True).reasons
+    assert "no ray or no place" in reason

@@ -24,41 +24,46 @@ from .simulated_bodies import Truth, body, learned, scenario
 BENDS = {"fisheye": {"k1": 0.02, "k2": -0.01}, "rational": {"k1": 0.7, "k2": 0.1, "k4": 0.9}}
 
 
+PAIRS = {kind: (kind, kind) for kind in BENDS} | {"mixed": ("polynomial", "fisheye")}
+BENDS["polynomial"] = {"k1": -0.1}
+
+
 def wide(camera, kind):
     """Return a camera in the same place, with another lens and as many pixels to a degree."""
     inside = {name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy", "image_size")}
     return Camera(**inside, **BENDS[kind], lens=kind, X_WC=camera.X_WC)
 
 
-def through(kind, rig, pixels):
+def through(kinds, rig, pixels):
     """Return where wide cameras see the rays of pixels. Shape (..., 4)."""
     flat = pixels.reshape(-1, 4)
     seen = [
         wide(camera, kind).pixels_of(camera.undistort(flat[:, k : k + 2]).T).T
-        for camera, k in zip(rig.cameras, (0, 2), strict=True)
+        for camera, kind, k in zip(rig.cameras, kinds, (0, 2), strict=True)
     ]
     return np.hstack(seen).reshape(pixels.shape)
 
 
-@pytest.fixture(scope="module", params=["fisheye", "rational"])
+@pytest.fixture(scope="module", params=list(PAIRS))
 def seen(request):
-    """Return a kind of lens, the cameras learned, and what they recorded."""
-    kind, known = request.param, scenario()
+    """Return the cameras' lenses, the cameras learned, and what they recorded."""
+    kinds, known = PAIRS[request.param], scenario()
     rig = Truth.of(body()).rig
     boards, test_boards = (
-        replace(views, pixels=through(kind, rig, views.pixels))
+        replace(views, pixels=through(kinds, rig, views.pixels))
         for views in (known.boards, known.test_boards)
     )
     train, test = (
-        replace(data, pixels=through(kind, rig, data.pixels)) for data in (known.train, known.test)
+        replace(data, pixels=through(kinds, rig, data.pixels)) for data in (known.train, known.test)
     )
-    cameras = calibrate_cameras(boards, CameraOptions(lens=kind)).self_model("cameras")
-    return kind, cameras, train, test, boards, test_boards
+    lens = dict(zip(("left", "right"), kinds, strict=True))
+    cameras = calibrate_cameras(boards, CameraOptions(lens=lens)).self_model("cameras")
+    return kinds, cameras, train, test, boards, test_boards
 
 
 @pytest.mark.slow
 def test_a_body_is_learned_as_well_as_through_any_lens(seen, tmp_path):
-    kind, cameras, train, test, boards, test_boards = seen
+    kinds, cameras, train, test, boards, test_boards = seen
     found = calibrate_body(
         train, cameras, boards, BodyOptions(), test=test, test_boards=test_boards
     )
@@ -67,7 +72,7 @@ def test_a_body_is_learned_as_well_as_through_any_lens(seen, tmp_path):
         evaluate(one.model, scenario().test).statistics.mean for one in (learned(), found)
     )
     assert error < 1.15 * plain
-    assert found.model.rig.lenses == (kind, kind)
+    assert found.model.rig.lenses == kinds
     save_model(found.model, tmp_path / "body.yaml")
     again = load_model(tmp_path / "body.yaml")
     assert again.rig.values == pytest.approx(found.model.rig.values)

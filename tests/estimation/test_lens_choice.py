@@ -10,6 +10,7 @@ from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.cameras.lens_choice import lens_of
+from nico_selfmodel.estimation.cameras.lens_misfit import lens_misfits
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
@@ -57,7 +58,16 @@ def test_a_decentred_lens_has_its_p1_and_p2_let_move(seed):
     assert any("decentred: p1 and p2 of left" in reason for reason in verdict.reasons)
 
 
-def test_p1_and_p2_stay_where_boards_gain_nothing_or_the_user_holds_them():
+@pytest.mark.parametrize(("p1", "gains"), [(1.5e-4, False), (2e-4, True)])
+def test_p1_and_p2_are_let_move_from_where_left_out_boards_gain_a_hundredth(p1, gains):
+    (camera,), _, _ = scene("polynomial", 3)
+    train = wide_views((replace(camera, p1=p1),), np.random.default_rng((3, 9)))
+    plain = calibrate_cameras(train, CameraOptions())
+    assert lens_misfits(plain)[0].is_decentred
+    assert bool(lens_of(train, CameraOptions(lens="auto")).decentred) == gains
+
+
+def test_p1_and_p2_stay_where_they_are_zero_or_the_user_says_what_they_are():
     (camera,), train, _ = scene("polynomial", 3)
     assert lens_of(train, CameraOptions(lens="auto")).decentred == ()
     aside = wide_views((replace(camera, p1=1.5e-3),), np.random.default_rng(8))

@@ -1,6 +1,7 @@
 """Files of other programs: written, read back to the same pixels, refused where nothing fits."""
 
 import ast
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -73,6 +74,36 @@ def test_cameras_are_read_back_to_the_same_pixels(tmp_path, kind, lens):
     (path,) = written(alone, {"left": cameras["left"]}, kind)
     one = read_cameras([path])
     assert one["left"].project(EDGE) == pytest.approx(cameras["left"].project(EDGE), abs=1e-9)
+
+
+def different():
+    """Return a fisheye, and a polynomial without k3 with smaller images."""
+    left, right = pair("fisheye")["left"], pair("plain")["right"]
+    return {"left": left, "right": replace(right, image_size=(600, 460))}
+
+
+def test_cameras_of_two_kinds_are_read_back_where_a_file_has_a_place_for_each(tmp_path):
+    cameras = different()
+    found = read_cameras(written(tmp_path, cameras, "kalibr"))
+    for side, camera in cameras.items():
+        assert (found[side].lens, found[side].image_size) == (camera.lens, camera.image_size)
+        assert found[side].project(EDGE) == pytest.approx(camera.project(EDGE), abs=1e-9)
+    mixed = {"left": pair("plain")["left"], "right": pair("rational")["right"]}
+    for kind in ("opencv", "mrcal"):
+        (tmp_path / kind).mkdir()
+        found = read_cameras(written(tmp_path / kind, mixed, kind))
+        for side, camera in mixed.items():
+            assert found[side].lens == camera.lens
+            assert found[side].project(EDGE) == pytest.approx(camera.project(EDGE), abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["opencv", "opencv-json"])
+def test_opencvs_file_refuses_cameras_for_which_it_has_one_place(kind):
+    cameras = different()
+    alike = replace(cameras["right"], image_size=cameras["left"].image_size)
+    for other in (alike, replace(pair("fisheye")["right"], image_size=(600, 460))):
+        with pytest.raises(ModelError, match="one image size, and fisheyes alone or none"):
+            camera_texts({"left": cameras["left"], "right": other}, kind)
 
 
 @pytest.mark.parametrize("kind", ["opencv", "opencv-json"])

@@ -144,6 +144,9 @@ def test_cameras_of_two_kinds_are_a_pair_whose_numbers_are_named_camera_by_camer
     again = pair.with_values(pair.values)
     assert [camera.lens for camera in again.cameras] == ["fisheye", "rational"]
     assert [camera.image_size for camera in again.cameras] == [SIZE, (640, 480)]
+    edge = np.array([[100.0, 100.0, 630.0, 470.0], [100.0, 100.0, 700.0, 470.0], [np.nan] * 4])
+    assert pair.inside(edge).tolist() == [True, False, False]
+    assert not pair.inside(edge, margin=20.0).any()
     p = np.array([[0.2, -0.1, 1.0], [-0.3, 0.1, 0.8]])
     assert again.project(p) == pytest.approx(pair.project(p), abs=1e-9)
     pixels, _, by_cameras = project_to_cameras(p.T, pair.values, pair.lenses)

@@ -25,7 +25,7 @@ class Reconstruction:
     """Boards rebuilt from pixels alone by triangulation, held against their true shape."""
 
     views: tuple[str, ...]
-    """Views that both cameras saw. Length V."""
+    """Views that both cameras saw whole, and whose sights meet. Length V."""
     p_LQ: NDArray
     """Corners in the left camera's frame [m]. Shape (V, P, 3)."""
     errors: NDArray
@@ -51,7 +51,9 @@ class Reconstruction:
     def from_views(cls, rig: StereoRig, views: BoardViews) -> "Reconstruction":
         """Triangulate every board that both cameras saw whole.
 
-        The scale is a similarity's (Umeyama): a mean of edge lengths is biased by noise.
+        The scale is a similarity's (Umeyama): a mean of edge lengths is biased by noise. A board of
+        which sights meet nowhere, as where a lens is extrapolated, cannot be rebuilt: it is left
+        out.
 
         Args:
             rig: The cameras.
@@ -63,6 +65,8 @@ class Reconstruction:
         whole = views.select(views.seen.all(axis=(1, 2)))
         points = whole.p_GQ
         p = rig.triangulate(whole.pixels.reshape(-1, 4)).p_WQ.reshape(-1, len(points), 3)
+        met = np.isfinite(p).all(axis=(1, 2))
+        whole, p = whole.select(met), p[met]
         rigid = [Alignment.from_points(points, found) for found in p]
         scale = [Alignment.from_points(points, found, with_scale=True).scale for found in p]
         laid = np.array([a.apply(points) for a in rigid]).reshape(p.shape)

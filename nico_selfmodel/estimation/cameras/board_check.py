@@ -24,7 +24,7 @@ class BoardCheck:
     before: Reconstruction
     """By the cameras that the refinement started from."""
     after: Reconstruction | None
-    """By the refined cameras; None where their lens gives no ray for a corner."""
+    """By the refined cameras; None where their lens gives no ray for a corner, or no place."""
     held_out: bool
     """Whether the refinement did not use these boards."""
 
@@ -34,8 +34,8 @@ class BoardCheck:
     ) -> "BoardCheck | None":
         """Rebuild boards with both; None where there is no board to compare them by.
 
-        Boards that were not seen whole by both cameras, or for which the lenses before have no ray,
-        tell nothing of what became worse.
+        Boards that were not seen whole by both cameras, or for which the lenses before have no ray
+        or no place, tell nothing of what became worse.
         """
         seen = boards.select(boards.seen.all(axis=(1, 2)))
         if not len(seen):
@@ -45,17 +45,22 @@ class BoardCheck:
         if not len(compared):
             return None
         earlier = Reconstruction.from_views(before, compared)
+        if not earlier.views:
+            return None
+        again = compared.select(np.isin(compared.names, earlier.views))
         try:
-            return cls(earlier, Reconstruction.from_views(after, compared), held_out)
+            later = Reconstruction.from_views(after, again)
         except ModelError:
             return cls(earlier, None, held_out)
+        return cls(earlier, later if later.views == earlier.views else None, held_out)
 
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why the refined cameras are refused; empty if they are not."""
         if self.after is None:
             return (
-                "the refined lenses fold the image: boards that the cameras saw before have no ray",
+                "the refined lenses fold the image: boards that the cameras saw before have no ray "
+                "or no place",
             )
         return tuple(r for r in (self._edge_reason(), self._scale_reason()) if r)
 

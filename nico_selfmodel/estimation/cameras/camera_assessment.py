@@ -54,7 +54,7 @@ class CameraAssessment:
     known: KnownCameras | None = None
     """What the cameras that were known before leave; None where none were given."""
     decentred: tuple[str, ...] = ()
-    """Cameras whose p1 and p2 were let move because the boards ask for it."""
+    """Cameras whose boards ask for p1 and p2; those of all cameras were let move then."""
 
     @classmethod
     def from_calibration(

@@ -49,7 +49,8 @@ def camera_findings(assessment: CameraAssessment) -> tuple[Finding, ...]:
     if assessment.decentred:
         said.append(
             f"decentred: p1 and p2 of {listed(assessment.decentred)} explain what residuals have "
-            "in common over the image, and were let move"
+            "in common over the image; both were let move"
+            f"{' in all cameras' if len(assessment.calibration.cameras) > 1 else ''}"
         )
     return (
         *findings(FAILURE, failures),

@@ -71,7 +71,7 @@ class LensChoice:
     better: str | None = None
     """The lens by which unseen boards are met better than by the one that was asked for."""
     decentred: tuple[str, ...] = ()
-    """Cameras whose p1 and p2 were let move because the boards ask for it."""
+    """Cameras whose boards ask for p1 and p2; those of all cameras were let move then."""
 
     @property
     def lens(self) -> str:
@@ -116,7 +116,7 @@ def _best_of(views: BoardViews, options: CameraOptions) -> LensChoice:
     plain = replace(options, lens=POLYNOMIAL)
     try:
         found = calibrate_cameras(views, plain)
-        if not (_is_flawed(found, plain) or any(map(is_notable, _misfits(found, plain)))):
+        if not _asks_for_others(found, plain):
             return LensChoice(plain, found)
     except (EstimationError, ModelError) as error:
         tried = _tried(views, options, (FISHEYE, RATIONAL))
@@ -149,9 +149,9 @@ def _decentred(views: BoardViews, options: CameraOptions, choice: LensChoice) ->
 def _compared(views: BoardViews, options: CameraOptions) -> LensChoice:
     """Return the lens that was asked for, and the one that unseen boards would rather have."""
     found = calibrate_cameras(views, options)
-    notable = _is_flawed(found, options) or any(map(is_notable, _misfits(found, options)))
     asked = lens_word(options.lens)
-    own = None if asked == POLYNOMIAL and not notable else _found(views, options)
+    plain = asked == POLYNOMIAL and not _asks_for_others(found, options)
+    own = None if plain else _found(views, options)
     if own is None:
         return LensChoice(options, found)
     others = _tried(views, options, tuple(lens for lens in LENSES if lens != asked))
@@ -183,8 +183,17 @@ def _misfits(found: CameraCalibration, options: CameraOptions) -> list[LensMisfi
 
 def _is_flawed(found: CameraCalibration, options: CameraOptions) -> bool:
     """Whether a lens would fail: most of its residuals a pattern, a folded image, or not told."""
-    misfits = any(map(fails_the_lens, _misfits(found, options)))
-    return misfits or bool(_folded(found)) or bool(found.uncertainty.unobservable)
+    return _breaks(found) or any(map(fails_the_lens, _misfits(found, options)))
+
+
+def _asks_for_others(found: CameraCalibration, options: CameraOptions) -> bool:
+    """Whether a lens would fail, or its residuals have anything notable in common."""
+    return _breaks(found) or any(map(is_notable, _misfits(found, options)))
+
+
+def _breaks(found: CameraCalibration) -> bool:
+    """Whether a lens folds its image, or is not told."""
+    return bool(_folded(found)) or bool(found.uncertainty.unobservable)
 
 
 def _folded(found: CameraCalibration) -> set[str]:
@@ -248,12 +257,12 @@ def _tried_apart(
     views: BoardViews, options: CameraOptions, tried: dict[str, _Found]
 ) -> dict[str, _Found]:
     """Return what lenses leave that the cameras' own boards choose; nothing of cameras alike."""
-    if len(views.cameras) == 1 or (
-        tried and _are_alike(min(tried.values(), key=lambda one: one.mean))
-    ):
+    best = min(tried.values(), key=lambda one: one.mean, default=None)
+    if len(views.cameras) == 1 or (best is not None and _are_alike(best)):
         return {}
     choices = {}
     for camera in views.cameras:
+        # A rational lens has all numbers that an option may name.
         own = replace(replace(options, lens=RATIONAL).of_camera(camera), lens=AUTO)
         try:
             choices[camera] = lens_of(views.only(camera), own).options

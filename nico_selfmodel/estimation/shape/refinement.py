@@ -91,7 +91,10 @@ def refine_surface(
 
 
 def _moved(before: ShapeViews, values: NDArray, found: PictureEquations, step: NDArray) -> NDArray:
-    """Return what mirrors move by after a step of the surface; cameras are held. Shape (3 M,)."""
+    """Return what mirrors move by after a step of the surface; cameras are held. Shape (3 M,).
+
+    Each moves by itself: what pictures tell of mirrors together they overstate, see `_sigma`.
+    """
     pull = found.values_pull - found.coupling.T @ step
     off, change = before.values - values, []
     for k in range(len(before.mirrors)):

@@ -15,7 +15,6 @@ from nico_selfmodel.model.camera_formats.opencv_format import opencv_cameras, op
 from nico_selfmodel.model.camera_formats.ros_format import ros_camera, ros_text
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
-from nico_selfmodel.names import listed
 
 FORMATS = {"opencv": ".yaml", "opencv-json": ".json", "ros": ".yaml", "kalibr": ".yaml"}
 FORMATS["mrcal"] = ".cameramodel"
@@ -80,8 +79,6 @@ def read_cameras(paths: Sequence[Path]) -> dict[str, Camera]:
                 f"{one} and {other} put both cameras in one place: files that know how cameras "
                 "stand to each other are those of opencv, kalibr and mrcal"
             )
-    if len({camera.lens for camera in found.values()}) > 1:
-        raise DataError(f"{listed(map(str, paths))} have lenses of several kinds")
     return found
 
 
