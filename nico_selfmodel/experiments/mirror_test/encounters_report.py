@@ -104,7 +104,7 @@ def encounters_table(stage: EncounterStage) -> Table:
     """Return a row for each kind of encounter."""
     headings = (
         *("encounter", "is", "trials", "said", "wrong", "median s", "longest s"),
-        *("100 to 1 s", "bound s"),
+        *("to 100:1 s", "bound s"),
     )
     cells = [
         [
