@@ -4,20 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def inverse_and_log_determinant(matrices: NDArray) -> tuple[NDArray, NDArray]:
-    """Invert symmetric positive definite matrices by sweeping their pivots (Gauss-Jordan).
-
-    Args:
-        matrices: Shape (N, n, n).
-
-    Returns:
-        Inverses, shape (N, n, n), and the logarithms of the determinants, shape (N,).
-    """
-    A = np.array(np.moveaxis(matrices, 0, -1), order="C")
-    log = invert_along(A)
-    return np.ascontiguousarray(np.moveaxis(A, -1, 0)), log
-
-
 def invert_along(A: NDArray) -> NDArray:
     """Invert symmetric positive definite matrices in place, laid along the last axes.
 
@@ -37,7 +23,20 @@ def invert_along(A: NDArray) -> NDArray:
     return log
 
 
-def whitening_core(G: NDArray) -> NDArray:
+def inverse_cholesky(S: NDArray) -> tuple[NDArray, NDArray]:
+    """Return L^-1 for S = L L', so that L^-1 S L^-T = I and L^-T L^-1 = S^-1.
+
+    Args:
+        S: Positive definite. Shape (N, n, n).
+
+    Returns:
+        L^-1, shape (N, n, n), and the logarithms of |S|, shape (N,).
+    """
+    L = _cholesky(S)
+    return _rows_first(_lower_inverse(L)), _log_determinant(L)
+
+
+def whitening_core(G: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     """Return X with (I - B X B')'(I - B X B') = I - B G^-1 B' for G = I + B'B.
 
     X = (L + I)^-T L^-1 with G = L L' (Andrews 1968, A square root formulation of the Kalman
@@ -47,23 +46,21 @@ def whitening_core(G: NDArray) -> NDArray:
         G: Shape (N, n, n).
 
     Returns:
-        Shape (N, n, n).
+        X and L^-1, shapes (N, n, n), and the logarithms of |G|, shape (N,).
     """
     L = _cholesky(G)
     own, beside = _lower_inverse(L), _lower_inverse(L + np.eye(len(L))[:, :, None])
-    return np.ascontiguousarray(np.einsum("kiN,kjN->Nij", beside, own))
+    core = np.ascontiguousarray(np.einsum("kiN,kjN->Nij", beside, own))
+    return core, _rows_first(own), _log_determinant(L)
 
 
-def inverse_cholesky(S: NDArray) -> NDArray:
-    """Return L^-1 for S = L L', so that L^-1 S L^-T = I.
+def _rows_first(matrices: NDArray) -> NDArray:
+    return np.ascontiguousarray(np.moveaxis(matrices, -1, 0))
 
-    Args:
-        S: Positive definite. Shape (N, n, n).
 
-    Returns:
-        Shape (N, n, n).
-    """
-    return np.ascontiguousarray(np.moveaxis(_lower_inverse(_cholesky(S)), -1, 0))
+def _log_determinant(L: NDArray) -> NDArray:
+    """Return log |L L'|. Shape (n, n, N) -> (N,)."""
+    return np.asarray(2.0 * np.sum(np.log(np.einsum("iiN->iN", L)), axis=0))
 
 
 def _cholesky(S: NDArray) -> NDArray:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset, ObservationTable
 from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
 from nico_selfmodel.dataset.body.sensors import CAMERA, MarkerInfo, SensorInfo
-from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
+from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
+from nico_selfmodel.estimation.noise.pose_noise import PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters

@@ -12,7 +12,8 @@ from nico_selfmodel.dataset.body.link_joint import LinkJoint
 from nico_selfmodel.dataset.body.sensors import MarkerInfo, SensorInfo
 from nico_selfmodel.errors import DataError, NotIdentifiableError
 from nico_selfmodel.estimation.judging import judge, result_of
-from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
+from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
+from nico_selfmodel.estimation.noise.pose_noise import PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.tree.boards.board_pose import board_poses_seen
 from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals

@@ -5,7 +5,8 @@ import pytest
 
 from nico_selfmodel.estimation.noise.hand_noise import HandNoise
 from nico_selfmodel.estimation.noise.noise_variances import most_likely_noise
-from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise
+from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
+from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
 from nico_selfmodel.estimation.noise.variance_components import LinearResiduals
 
 NOISE = HandNoise(0.3, 0.005)
@@ -25,8 +26,7 @@ def drawn(count=2000, noise=NOISE, seed=0, hidden=0):
 
 def searched(r, slopes, seen):
     groups = PoseGroups(np.arange(len(r)), np.ones(len(r), dtype=bool), 4)
-    nothing = np.zeros((len(r), 4, 1))
-    data = LinearResiduals(groups, r[:, :, None], nothing, slopes)
+    data = LinearResiduals(groups, groups.gather(r), np.zeros((r.size, 1)), slopes)
     return most_likely_noise(data, PoseNoise(0.5, np.full(4, 0.003)), np.zeros(4))
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation.noise.noise_variances import most_likely_noise
-from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
+from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
+from nico_selfmodel.estimation.noise.pose_noise import PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.noise.variance_components import LinearResiduals
 
 
@@ -92,7 +93,7 @@ def drawn(seed, sensor, joint, visits=80, markers=2, parameters=12):
     flat, target = J.reshape(-1, parameters), r.ravel()
     r = (target - flat @ np.linalg.lstsq(flat, target)[0]).reshape(-1, 3)
     groups = PoseGroups(visit, np.ones(len(visit), dtype=bool), 3)
-    return LinearResiduals(groups, groups.gather(r[:, :, None]), groups.gather(J), by_angle)
+    return LinearResiduals(groups, groups.gather(r), groups.gather(J), by_angle)
 
 
 def test_variances_are_found_without_the_bias_of_what_the_fit_took():
@@ -117,10 +118,10 @@ def test_numbers_that_are_known_beforehand_take_less_out_of_the_residuals():
         for seed in range(40):
             rng = np.random.default_rng((seed, 7))
             free = drawn(seed, 2e-4, [4e-3] * 2, visits=30, parameters=90)
-            e = 2e-4 * rng.normal(size=free.r.shape) + free.by_angle.reshape(
+            e = 2e-4 * rng.normal(size=(free.groups.poses, 6, 1)) + free.by_angle.reshape(
                 free.groups.poses, -1, 2
             ) @ (4e-3 * rng.normal(size=(free.groups.poses, 2, 1)))
-            r = e + (free.J @ rng.normal(scale=np.sqrt(v), size=90))[:, :, None]
+            r = e.ravel() + free.J @ rng.normal(scale=np.sqrt(v), size=90)
             known = replace(free, r=r, information=information)
             found.append(most_likely_noise(known, start, np.zeros(2)).sensor_sigma ** 2)
         return np.array(found)
@@ -155,3 +156,14 @@ def test_a_sensor_that_is_given_is_not_estimated():
     start = PoseNoise(1e-3, np.full(2, 1e-3))
     found = most_likely_noise(drawn(0, 2e-4, [3e-3] * 2), start, np.zeros(2), sensor_sigma=5e-4)
     assert found.sensor_sigma == 5e-4
+
+
+def test_visits_of_many_rows_cost_those_of_few_no_empty_places():
+    visit = np.concatenate([np.arange(100), np.zeros(30, dtype=int), np.ones(25, dtype=int)])
+    groups = PoseGroups(visit, np.ones(len(visit), dtype=bool), 3)
+    assert len(groups.visit) <= 3 * len(visit) + 15
+    values = np.random.default_rng(0).normal(size=(len(visit), 3, 2))
+    np.testing.assert_array_equal(groups.scatter(groups.gather(values)), values)
+    flat = groups.gather(values)
+    expected = [flat[groups.visit == k].T @ flat[groups.visit == k] for k in range(100)]
+    np.testing.assert_allclose(groups.products(flat, flat), expected, atol=1e-12)

@@ -229,8 +229,8 @@ class WeighedArm:
     @property
     def row(self) -> NDArray:
         """A row of the same visit that counts, of each whitened one."""
-        lead = np.unique(self.linear.whitening.groups.pose, return_index=True)[1]
-        return np.repeat(lead, len(self.linear.weights) // len(lead))
+        groups = self.linear.whitening.groups
+        return np.unique(groups.pose, return_index=True)[1][groups.visit]
 
     @property
     def _share(self) -> float:
@@ -257,7 +257,7 @@ class WeighedArm:
         jacobian = linear.jacobian[:, :, self._columns]
         residuals = LinearResiduals(
             groups,
-            groups.gather((linear.residuals - jacobian @ pull)[:, :, None]),
+            groups.gather(linear.residuals - jacobian @ pull),
             groups.gather(jacobian[:, :, there]),
             linear.by_angle,
             information=1.0 / variance[there],

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution, Linearised
-from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseWhitening
+from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
+from nico_selfmodel.estimation.noise.pose_noise import PoseWhitening
 from nico_selfmodel.estimation.observations.observations import Observations
 
 _MARGIN = 4
@@ -81,14 +82,15 @@ class ScoreSums:
         linear = replace(linear, jacobian=jacobian)
         groups = PoseGroups(rows.visit, everything, 3)
         whitening = PoseWhitening(groups, linear.by_angle, solved.noise)
-        w = whitening.root(groups.gather(linear.residuals[:, :, None]))[:, :, 0]
-        large = np.sqrt(np.sum(w**2, axis=1) / (3.0 * np.bincount(groups.pose))) / _CLIPPED
-        full, w = w, w / np.maximum(large, 1.0)[:, None]
         scale = 1.0 / np.maximum(np.sqrt(np.sum(linear.jacobian**2, axis=(0, 1))), 1e-300)
-        U = whitening.root(groups.gather(linear.jacobian * scale))
+        both = np.concatenate([linear.residuals[:, :, None], linear.jacobian * scale], axis=2)
+        white = whitening.root(groups.gather(both))
+        squares = np.bincount(groups.visit, white[:, 0] ** 2)
+        large = np.sqrt(squares / (3.0 * np.bincount(groups.pose))) / _CLIPPED
+        full, U = white[:, 0], white[:, 1:]
+        w = full / np.maximum(large, 1.0)[groups.visit]
         starts = np.unique(np.linspace(0, len(chosen), _MOST_SPANS, endpoint=False).astype(int))
-        s, plain = (np.add.reduceat(np.einsum("gkp,gk->gp", U, part), starts) for part in (w, full))
-        h = np.add.reduceat(np.swapaxes(U, 1, 2) @ U, starts)
+        s, plain, h = _sums_of_spans(U, w, full, np.searchsorted(starts, groups.visit, "right") - 1)
         free = [i for i, n in enumerate(linear.names) if n in solved.free]
         free = np.array([*free, *range(len(linear.names), jacobian.shape[2])])
         inverse = np.linalg.pinv(h.sum(axis=0)[np.ix_(free, free)], rcond=1e-10, hermitian=True)
@@ -200,6 +202,18 @@ class ScoreSums:
         if found.drift:
             return "during the recording"
         return f"after sample {int(self.last[found.span])}"
+
+
+def _sums_of_spans(
+    U: NDArray, w: NDArray, full: NDArray, span: NDArray
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Return U'w, U'full and U'U of each span. Shapes (spans, P), (spans, P), (spans, P, P)."""
+    order = np.argsort(span, kind="stable")
+    ends = np.flatnonzero(np.diff(span[order], append=-1)) + 1
+    both = np.column_stack([w, full, U])[order]
+    sums = [part[:, 2:].T @ part for part in np.split(both, ends[:-1])]
+    found = np.stack(sums)
+    return found[:, :, 0], found[:, :, 1], found[:, :, 2:]
 
 
 def _quadratic(M: NDArray, T: NDArray) -> NDArray:

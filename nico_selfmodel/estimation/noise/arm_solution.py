@@ -6,7 +6,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
+from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
+from nico_selfmodel.estimation.noise.pose_noise import PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.model.arm.dh_parameters import DhParameters, slopes_by_angle
 from nico_selfmodel.optimization.uncertainty import Uncertainty, scales_by_priors
@@ -111,8 +112,7 @@ class Linearised:
 
     def whitened(self, columns: NDArray) -> NDArray:
         """Whiten columns of the rows that count. Shape (N, 3, m) -> (coordinates, m)."""
-        grouped = self.whitening.groups.gather(columns)
-        return self.whitening.root(grouped).reshape(-1, columns.shape[2])
+        return self.whitening.root(self.whitening.groups.gather(columns))
 
     @property
     def whitened_residuals(self) -> NDArray:
@@ -123,8 +123,7 @@ class Linearised:
     def weights(self) -> NDArray:
         """Roots of what each whitened coordinate counts in a fit. Shape (coordinates, 1)."""
         groups = self.whitening.groups
-        coordinates = self.whitening.lever.shape[1]
-        return np.repeat(np.sqrt(groups.weight), coordinates)[:, None]
+        return np.sqrt(groups.weight)[groups.visit, None]
 
 
 def information_of(parameters: DhParameters, chosen: list[int], priors: Priors) -> NDArray:

@@ -7,6 +7,7 @@ than joints. Elsewhere it is never formed: with G = I + B'B, S^-1 = (I - B G^-1 
 1950), and a root of it, W'W = S^-1, is W = (I - B X B') / s with X of `whitening_core`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,11 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.hand_noise import noise_covariance
-from nico_selfmodel.geometry.small_matrices import (
-    inverse_and_log_determinant,
-    inverse_cholesky,
-    whitening_core,
-)
+from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
+from nico_selfmodel.geometry.small_matrices import inverse_cholesky, whitening_core
 from nico_selfmodel.model.self_model import SelfModel
 
 POSE_NOISE = "pose_noise"
@@ -62,79 +60,6 @@ class PoseNoise:
         return cls(float(plain["sensor_sigma"]), np.asarray(plain["joint_sigma_rad"], dtype=float))
 
 
-class PoseGroups:
-    """Which observations belong to one visit of a pose: rows <-> (visits, coordinates), padded.
-
-    A visit has one draw of joint noise. Visits of one pose share besides what only that pose has
-    (play, bending), so that all of them together count as one: `weight`.
-    """
-
-    def __init__(
-        self, visit: NDArray, keep: NDArray, coordinates: int, pose: NDArray | None = None
-    ) -> None:
-        """Group rows.
-
-        Args:
-            visit: Number of each row's visit. Shape (N,).
-            keep: Rows that count; the others become zeros. Boolean, shape (N,).
-            coordinates: How many coordinates a row has, k.
-            pose: Number of each row's pose; every visit a pose of its own if omitted. Shape (N,).
-        """
-        self.rows, self.k = np.flatnonzero(keep), coordinates
-        self.numbers, lead, of = np.unique(visit[self.rows], return_index=True, return_inverse=True)
-        """Number of each visit that counts, ascending. Shape (visits,)."""
-        self._all = visit
-        self.place = np.arange(len(lead)) if pose is None else pose[self.rows][lead]
-        """Number of each visit's pose. Shape (visits,)."""
-        _, same, visits = np.unique(self.place, return_inverse=True, return_counts=True)
-        self.weight = 1.0 / visits[same]
-        """What each visit counts. Shape (visits,)."""
-        self.alike = bool((self.weight == 1.0).all())
-        """Whether each visit is a pose of its own."""
-        order = np.argsort(of, kind="stable")
-        counts = np.bincount(of)
-        place = np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)
-        self.pose = of
-        """Index among the visits that count, of each row that counts. Shape (K,)."""
-        self._slot = np.empty(len(of), dtype=int)
-        self._slot[order] = place
-        self.poses, self._most = len(counts), int(counts.max(initial=0))
-        self.count = len(visit)
-        self._full: NDArray | None = None
-        """Rows by visit, where all have as many of them. Shape (visits, most)."""
-        if (counts == self._most).all():
-            self._full = self.rows[order].reshape(self.poses, self._most)
-        self._alone = self._most == 1 and bool((of == np.arange(len(of))).all())
-
-    def of(self, rows: NDArray) -> NDArray:
-        """Return the index of the pose of any rows; the number of poses where none counts.
-
-        Args:
-            rows: Boolean, shape (N,).
-        """
-        wanted = self._all[rows]
-        at = np.minimum(np.searchsorted(self.numbers, wanted), len(self.numbers) - 1)
-        return np.where(self.numbers[at] == wanted, at, len(self.numbers))
-
-    def gather(self, values: NDArray) -> NDArray:
-        """Return values of rows by pose. Shape (N, k, ...) -> (poses, K, ...), zero where none."""
-        if self._alone:
-            return values[self.rows]
-        if self._full is not None:
-            grouped = values[self._full]
-            return grouped.reshape(self.poses, self._most * self.k, *values.shape[2:])
-        out = np.zeros((self.poses, self._most, *values.shape[1:]))
-        out[self.pose, self._slot] = values[self.rows]
-        return out.reshape(self.poses, self._most * self.k, *values.shape[2:])
-
-    def scatter(self, grouped: NDArray) -> NDArray:
-        """Return values by row. Shape (poses, K, ...) -> (N, k, ...), zero for rows left out."""
-        parts = grouped.reshape(self.poses, self._most, self.k, *grouped.shape[2:])
-        out = np.zeros((self.count, self.k, *grouped.shape[2:]))
-        out[self.rows] = parts[self.pose, self._slot]
-        return out
-
-
 class PoseWhitening:
     """S^-1 of all poses and a root W of it, frozen at one state of the arm and one noise."""
 
@@ -151,84 +76,81 @@ class PoseWhitening:
             groups: Which rows belong together.
             by_angle: Derivatives of the rows' coordinates by the joint angles. Shape (N, k, n).
             noise: What disturbs them.
-            slipped: Joints that are free in a pose, whatever their noise. Boolean, (poses, n).
+            slipped: Joints that are free in a pose, whatever their noise. Boolean, (visits, n).
         """
         self.groups, self.noise = groups, noise
         self.lever = groups.gather(by_angle)
-        """Derivatives by the joint angles, by pose. Shape (poses, K, n)."""
-        joint_sigma = noise.joint_sigma
+        """Derivatives by the joint angles, by visit. Shape (T, n)."""
+        self.joint_sigma = noise.joint_sigma[None]
+        """Of each joint, in each visit where it is another. Shape (1 or visits, n)."""
         if slipped is not None:
-            joint_sigma = np.where(slipped, FREE_SIGMA, joint_sigma)[:, None]
-        self.B = self.lever * (joint_sigma / noise.sensor_sigma)
-        self._across = np.swapaxes(self.B, 1, 2)
-        self._narrow = self.B.shape[1] <= self.B.shape[2]
-        one, other = (self.B, self._across) if self._narrow else (self._across, self.B)
-        self._square = one @ other + np.eye(one.shape[1])
-        """I + BB' where that is the smaller one, else G. Shape (poses, K, K) or (poses, n, n)."""
+            self.joint_sigma = np.where(slipped, FREE_SIGMA, noise.joint_sigma)
+        each = self.joint_sigma if slipped is None else self.joint_sigma[groups.visit]
+        self._B = self.lever * (each / noise.sensor_sigma)
 
     @cached_property
-    def G_inverse(self) -> NDArray:
-        """Covariance of each pose's joint errors in their standard deviations, given its rows."""
-        if not self._narrow:
-            return self._inverted[0]
-        return np.eye(self.B.shape[2]) - self._across @ (self._inverted[0] @ self.B)
+    def _factors(self) -> list["_Factors"]:
+        return [_Factors.of(B) for _, (B,) in self.groups.stacks(self._B)]
 
     @cached_property
-    def _inverted(self) -> tuple[NDArray, NDArray]:
-        return inverse_and_log_determinant(self._square)
-
-    @cached_property
-    def _root(self) -> NDArray:
-        return inverse_cholesky(self._square) if self._narrow else whitening_core(self._square)
+    def _joints_told(self) -> NDArray:
+        """Covariance G^-1 of each visit's joint errors, in their sigmas. Shape (visits, n, n)."""
+        out = np.empty((self.groups.poses, *self._B.shape[1:] * 2))
+        for bucket, factors in zip(self.groups.buckets, self._factors, strict=True):
+            out[bucket.visits] = factors.G_inverse
+        return out
 
     @property
     def taken(self) -> NDArray:
-        """What joint noise takes of each coordinate's weight, diagonal of I - s^2 S^-1. (poses, K).
+        """What joint noise takes of each coordinate's weight, diagonal of I - s^2 S^-1. (T,).
 
         It is 0 where only the sensor disturbs.
         """
-        if self._narrow:
-            return 1.0 - np.diagonal(self._inverted[0], axis1=1, axis2=2)
-        return np.asarray(np.sum((self.B @ self.G_inverse) * self.B, axis=2))
+        return np.concatenate([factors.taken.ravel() for factors in self._factors])
 
     def root(self, x: NDArray) -> NDArray:
-        """Return W x by pose, W'W = S^-1. Shape (poses, K, m) -> the same."""
-        if self._narrow:
-            return (self._root / self.noise.sensor_sigma) @ x
-        return (x - self.B @ (self._root @ (self._across @ x))) / self.noise.sensor_sigma
+        """Return W x by visit, W'W = S^-1. Shape (T, m) -> the same."""
+        return self._mapped(_Factors.root, x)
+
+    def transposed_root(self, x: NDArray) -> NDArray:
+        """Return W' x by visit. Shape (T, m) -> the same."""
+        return self._mapped(_Factors.transposed_root, x)
 
     def inverse(self, x: NDArray) -> NDArray:
-        """Return S^-1 x by pose. Shape (poses, K, m) -> the same."""
-        if self._narrow:
-            return (self._inverted[0] / self.noise.sensor_sigma**2) @ x
-        less = self.B @ (self.G_inverse @ (self._across @ x))
-        return (x - less) / self.noise.sensor_sigma**2
+        """Return S^-1 x by visit. Shape (T, m) -> the same."""
+        return self._mapped(_Factors.inverse, x) / self.noise.sensor_sigma
+
+    def _mapped(self, function: Callable[["_Factors", NDArray], NDArray], x: NDArray) -> NDArray:
+        """Return a function of each bucket's coordinates, in the sensor's standard deviations."""
+        x = x / self.noise.sensor_sigma
+        both = zip(self._factors, self.groups.stacks(x), strict=True)
+        parts = [function(own, stack).reshape(-1, x.shape[1]) for own, (_, (stack,)) in both]
+        return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
     def joint_errors(self, residuals: NDArray) -> tuple[NDArray, NDArray]:
-        """Return what the rows tell of each pose's joint errors, in their standard deviations.
+        """Return what the rows tell of each visit's joint errors, in their standard deviations.
 
-        The mean G^-1 B' u and the covariance G^-1; the last entry is that of a pose of which
+        The mean G^-1 B' u and the covariance G^-1; the last entry is that of a visit of which
         nothing was seen.
 
         Args:
             residuals: Measured minus predicted. Shape (N, k).
 
         Returns:
-            Shapes (poses + 1, n) and (poses + 1, n, n).
+            Shapes (visits + 1, n) and (visits + 1, n, n).
         """
-        n = self.B.shape[2]
-        u = self.groups.gather(residuals[:, :, None]) / self.noise.sensor_sigma
-        mean = (self.G_inverse @ (self._across @ u))[:, :, 0]
-        return np.vstack([mean, np.zeros((1, n))]), np.concatenate(
-            [self.G_inverse, np.eye(n)[None]]
-        )
+        n = self._B.shape[1]
+        u = self.groups.gather(residuals) / self.noise.sensor_sigma
+        mean = (self._joints_told @ self.groups.products(self._B, u[:, None]))[:, :, 0]
+        spread = np.concatenate([self._joints_told, np.eye(n)[None]])
+        return np.vstack([mean, np.zeros((1, n))]), spread
 
     @cached_property
     def log_determinant(self) -> float:
         """Logarithm of |S| of all coordinates that count."""
         coordinates = len(self.groups.rows) * self.groups.k
         sensor = 2.0 * coordinates * np.log(self.noise.sensor_sigma)
-        return float(sensor + np.sum(self._inverted[1]))
+        return float(sensor + sum(factors.log_determinant for factors in self._factors))
 
     def whiten(self, residuals: NDArray, jacobian: NDArray) -> tuple[NDArray, NDArray]:
         """Whiten and weigh what a residual block returns.
@@ -241,6 +163,77 @@ class PoseWhitening:
             The same shapes; rows that do not count are zero.
         """
         both = np.concatenate([residuals[None], jacobian]).transpose(2, 1, 0)
-        weight = np.sqrt(self.groups.weight)[:, None, None]
-        white = self.groups.scatter(weight * self.root(self.groups.gather(both))).transpose(2, 1, 0)
+        white = self.counted(self.root(self.groups.gather(both)))
+        white = self.groups.scatter(white).transpose(2, 1, 0)
         return np.ascontiguousarray(white[0]), np.ascontiguousarray(white[1:])
+
+    def counted(self, white: NDArray) -> NDArray:
+        """Return whitened coordinates times the root of what their visit counts. Shape (T, m)."""
+        if self.groups.alike:
+            return white
+        return np.sqrt(self.groups.weight)[self.groups.visit, None] * white
+
+
+@dataclass(frozen=True, eq=False)
+class _Factors:
+    """S / s^2 = I + BB' of visits that have as many coordinates."""
+
+    B: NDArray
+    """Shape (V, K, n)."""
+    core: NDArray
+    """L^-1 of narrow visits, which have at most as many coordinates as joints; else X."""
+    lower: NDArray
+    """L^-1, of I + BB' = L L' where visits are narrow, else of G."""
+    log_determinant: float
+
+    @classmethod
+    def of(cls, B: NDArray) -> "_Factors":
+        """Factor, whichever is the smaller one."""
+        _, K, n = B.shape
+        across = np.swapaxes(B, 1, 2)
+        if n >= K:
+            lower, logs = inverse_cholesky(B @ across + np.eye(K))
+            return cls(B, lower, lower, float(np.sum(logs)))
+        core, lower, logs = whitening_core(across @ B + np.eye(n))
+        return cls(B, core, lower, float(np.sum(logs)))
+
+    @property
+    def _narrow(self) -> bool:
+        return self.B.shape[1] <= self.B.shape[2]
+
+    @cached_property
+    def _inverse(self) -> NDArray:
+        return np.swapaxes(self.lower, 1, 2) @ self.lower
+
+    @property
+    def G_inverse(self) -> NDArray:
+        """Shape (V, n, n)."""
+        if not self._narrow:
+            return self._inverse
+        told = self.lower @ self.B
+        return np.eye(self.B.shape[2]) - np.swapaxes(told, 1, 2) @ told
+
+    @property
+    def taken(self) -> NDArray:
+        """Diagonal of I - S^-1. Shape (V, K)."""
+        if self._narrow:
+            return 1.0 - np.einsum("gij,gij->gj", self.lower, self.lower)
+        along = self.B @ np.swapaxes(self.lower, 1, 2)
+        return np.einsum("gij,gij->gi", along, along)
+
+    def root(self, x: NDArray) -> NDArray:
+        """Return W x."""
+        return self.core @ x if self._narrow else self._less(self.core, x)
+
+    def transposed_root(self, x: NDArray) -> NDArray:
+        """Return W' x."""
+        core = np.swapaxes(self.core, 1, 2)
+        return core @ x if self._narrow else self._less(core, x)
+
+    def inverse(self, x: NDArray) -> NDArray:
+        """Return S^-1 x."""
+        return self._inverse @ x if self._narrow else self._less(self._inverse, x)
+
+    def _less(self, middle: NDArray, x: NDArray) -> NDArray:
+        """Return x - B middle B' x."""
+        return x - self.B @ (middle @ (np.swapaxes(self.B, 1, 2) @ x))

@@ -222,25 +222,23 @@ class _ArmBlock(SummedBlock):
     def normal_equations(self, x: NDArray) -> NormalEquations:
         """Return cost, gradient and Gauss-Newton matrix from one product of all columns."""
         white = self._white(x)
-        flat = white.reshape(-1, white.shape[2])
-        sums = flat.T @ flat
+        sums = white.T @ white
         return 0.5 * float(sums[0, 0]), sums[1:, 0], sums[1:, 1:]
 
     def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
-        """Return whitened residuals, shape (K, poses), and derivatives, shape (p, K, poses)."""
-        both = np.moveaxis(self._white(x), (0, 1), (2, 1))
-        return both[0], both[1:]
+        """Return whitened residuals, shape (1, T), and derivatives, shape (p, 1, T)."""
+        white = self._white(x).T
+        return white[:1], white[1:, None]
 
     def _white(self, x: NDArray) -> NDArray:
-        """Return whitened residuals, then derivatives, by pose. Shape (poses, K, 1 + p)."""
+        """Return whitened residuals, then derivatives, by visit. Shape (T, 1 + p)."""
         assert self.whitening is not None
         groups = self.whitening.groups
         seen = self.observations
         p, jacobian = self.at(x).predict(seen.angles, seen.marker, seen.approach)
         missed = (p - self.observations.p_WH)[:, :, None]
         both = np.concatenate([missed, jacobian[:, :, self.columns]], axis=2)
-        weight = np.sqrt(groups.weight)[:, None, None]
-        return np.asarray(weight * self.whitening.root(groups.gather(both)))
+        return self.whitening.counted(self.whitening.root(groups.gather(both)))
 
 
 class _Refinement:
@@ -290,7 +288,7 @@ class _Refinement:
         about = linear.residuals - jacobian @ pull_of(self.parameters, self.columns, self.priors)
         residuals = LinearResiduals(
             groups,
-            groups.gather(about[:, :, None]),
+            groups.gather(about),
             groups.gather(jacobian),
             linear.by_angle,
             information=information_of(self.parameters, self.columns, self.priors),

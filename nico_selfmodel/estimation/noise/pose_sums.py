@@ -197,7 +197,7 @@ class PoseSums:
             u = linear.weights[:, 0] * linear.whitened_residuals
             of_visit = np.zeros(groups.poses, dtype=int)
             of_visit[groups.pose] = fold[rows][groups.rows]
-            of_coordinate = np.repeat(of_visit, len(u) // max(groups.poses, 1))
+            of_coordinate = of_visit[groups.visit]
             for f in range(folds):
                 part, own = U[of_coordinate == f], u[of_coordinate == f]
                 H[f] += part.T @ part

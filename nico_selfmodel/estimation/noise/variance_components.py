@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
+from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
+from nico_selfmodel.estimation.noise.pose_noise import PoseNoise, PoseWhitening
 
 _ROUNDS, _SETTLED = 40, 2e-3
 _LARGEST_STEP = 1.0
@@ -26,15 +27,15 @@ class LinearResiduals:
 
     groups: PoseGroups
     r: NDArray
-    """Measured minus predicted. Shape (poses, K, 1)."""
+    """Measured minus predicted, by visit. Shape (T,)."""
     J: NDArray
-    """Derivatives of the predictions by the free parameters. Shape (poses, K, P)."""
+    """Derivatives of the predictions by the free parameters, by visit. Shape (T, P)."""
     by_angle: NDArray
     """Derivatives of the rows' coordinates by the joint angles. Shape (N, k, n)."""
     sensor: NDArray | None = None
     """Index of each coordinate's sensor; one for all if omitted. Shape (N, k)."""
     slipped: NDArray | None = None
-    """Joints that jumped in a pose, of which their noise says nothing. Boolean, (poses, n)."""
+    """Joints that jumped in a visit, of which their noise says nothing. Boolean, (visits, n)."""
     information: NDArray | None = None
     """Inverse variances of what is known of the parameters beforehand, where `r` is about their
     means; fitting takes less from the residuals then. Shape (P,)."""
@@ -44,7 +45,7 @@ class LinearResiduals:
     @property
     def by_row(self) -> NDArray:
         """The residuals, zero for rows left out. Shape (N, k)."""
-        return self.groups.scatter(self.r)[:, :, 0]
+        return self.groups.scatter(self.r)
 
     def left(self, sensor: NDArray, joint: NDArray) -> NDArray:
         """Return what fitting leaves at some noise, r - J C J' S^-1 r, by row; `r` is about priors.
@@ -61,16 +62,15 @@ class LinearResiduals:
         if self.information is None:
             return self.by_row
         own = np.zeros(self.by_angle.shape[:2], dtype=int) if self.sensor is None else self.sensor
-        by_row = sensor[own][:, :, None]
-        scale = self.groups.gather(by_row)
+        scale = self.groups.gather(sensor[own])
         scale = np.where(scale > 0.0, scale, 1.0)
-        noise = PoseNoise(1.0, joint)
-        S = PoseWhitening(self.groups, self.by_angle / by_row, noise, self.slipped)
-        r, J = self.r / scale, self.J / scale
-        flat, known = J.reshape(-1, J.shape[2]), np.diag(self.information)
-        C = _inverse(flat.T @ S.inverse(J).reshape(flat.shape) + known)[0]
-        fitted = flat @ (C @ (flat.T @ S.inverse(r).reshape(-1)))
-        return self.groups.scatter((r - fitted.reshape(r.shape)) * scale)[:, :, 0]
+        by_angle = self.by_angle / sensor[own][:, :, None]
+        S = PoseWhitening(self.groups, by_angle, PoseNoise(1.0, joint), self.slipped)
+        r, J = self.r / scale, self.J / scale[:, None]
+        solved = S.inverse(np.column_stack([r, J]))
+        L = _root_of_inverse(J.T @ solved[:, 1:] + np.diag(self.information))[0]
+        fitted = J @ (L @ (L.T @ (J.T @ solved[:, 0])))
+        return self.groups.scatter((r - fitted) * scale)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,13 +110,14 @@ class VarianceSearch:
         self.held, self.floor = sensor_held, 2.0 * np.log(floor)
         rows = residuals.by_angle.shape[:2]
         self._sensor = np.zeros(rows, dtype=int) if residuals.sensor is None else residuals.sensor
-        self._grouped = residuals.groups.gather(self._sensor + 1.0).astype(int) - 1
-        """Sensor of each coordinate by pose, -1 where there is none. Shape (poses, K)."""
-        self._own = self._grouped[:, :, None] == np.arange(len(sensor_held))
-        self._counts = self._own.sum(axis=(0, 1))
+        self._grouped = residuals.groups.gather(self._sensor + 1) - 1
+        """Sensor of each coordinate by visit, -1 where nothing stands. Shape (T,)."""
+        self._own = self._grouped[:, None] == np.arange(len(sensor_held))
+        self._counts = self._own.sum(axis=0)
         if residuals.taken is not None:
             self._counts = self._counts - residuals.taken
         self._given = np.ones(len(sensor_held))
+        self._columns = np.column_stack([residuals.r, residuals.J])
 
     def run(self, sensor: NDArray, joint: NDArray) -> Variances:
         """Search.
@@ -163,47 +164,68 @@ class VarianceSearch:
         """Return log likelihood, score and average information.
 
         Coordinates are taken in their sensors' standard deviations, so that V_g is the identity
-        on the coordinates of sensor g.
+        on the coordinates of sensor g, and whitened by W, W'W = S^-1, so that with C = L L'
+
+            e = W r - W J C J' S^-1 r,  Z = W J L,  w = W' e,  W P W' = I - Z Z'
+
+        and V_i w is y = W V_i w whitened.
         """
         data = self.data
         sensor, joint = self._sigmas(x)
         shared = np.exp(x[len(sensor) :])[self.group]
-        scale = np.where(self._grouped < 0, 1.0, sensor[self._grouped])[:, :, None]
+        scale = np.where(self._grouped < 0, 1.0, sensor[self._grouped])[:, None]
         by_angle = data.by_angle / sensor[self._sensor][:, :, None]
         S = PoseWhitening(data.groups, by_angle, PoseNoise(1.0, joint), data.slipped)
-        r, J = data.r / scale, data.J / scale
-        SiJ, Sir, A = S.inverse(J), S.inverse(r), S.lever
-        flat_J = J.reshape(-1, J.shape[2])
-        flat = SiJ.reshape(flat_J.shape)
+        white = S.root(self._columns / scale)
+        sums = white.T @ white
         known = 0.0 if data.information is None else np.diag(data.information)
-        C, determinant = _inverse(flat_J.T @ flat + known)
-        w = Sir - (flat @ (C @ (flat.T @ r.reshape(-1)))).reshape(Sir.shape)
-        # Columns y_i = V_i w: the sensors, then the groups of joints.
-        along = np.swapaxes(A, 1, 2) @ w
-        steady = np.ones(A.shape[::2]) if data.slipped is None else 1.0 - data.slipped
-        moved = A * (along[:, :, 0] * steady * shared)[:, None]
-        y = np.concatenate([w * self._own, moved @ self.member], axis=2)
-        quadratic = np.einsum("gki,gk->i", y, w[:, :, 0])
-        y_flat = y.reshape(-1, y.shape[2])
-        JSiy = flat.T @ y_flat
-        information = 0.5 * (y_flat.T @ S.inverse(y).reshape(y_flat.shape) - JSiy.T @ C @ JSiy)
-        lost = S.taken + np.sum((flat @ C) * flat, axis=1).reshape(self._grouped.shape)
-        sensors = self._counts - np.einsum("gk,gki->i", lost, self._own)
+        L, determinant = _root_of_inverse(sums[1:, 1:] + known)
+        fit = np.zeros((len(sums), 1 + L.shape[1]))
+        fit[0, 0], fit[1:, 0], fit[1:, 1:] = 1.0, -L @ (L.T @ sums[1:, 0]), L
+        both = white @ fit  # e, Z
+        A = S.root(S.lever)
+        told = data.groups.products(A, both)
+        along, fitted = told[:, :, 0], np.einsum("vjp,vjp->vj", told[:, :, 1:], told[:, :, 1:])
+        own = np.einsum("vjj->vj", data.groups.products(A, A))
         # tr P a_j a_j' of every joint
-        ASiJ = (np.swapaxes(A, 1, 2) @ SiJ).reshape(-1, len(C))
-        fitted = np.sum((ASiJ @ C) * ASiJ, axis=1).reshape(len(A), -1)
-        each = np.sum(A * S.inverse(A), axis=1) - fitted
+        each = own - fitted
+        back = S.transposed_root(both if len(sensor) > 1 else both[:, :1])
+        steady = 1.0 if data.slipped is None else 1.0 - data.slipped
+        # Columns y_i = W V_i w: the sensors, then the groups of joints.
+        moved = A * (along * steady * shared)[data.groups.visit]
+        y = np.column_stack([S.root(back[:, :1] * self._own), moved @ self.member])
+        products = both.T @ y
+        information = 0.5 * (y.T @ y - products[1:].T @ products[1:])
         joints = self.member.T @ (np.sum(each * steady, axis=0) * shared)
-        score = 0.5 * (quadratic - np.concatenate([sensors, joints]))
-        rPr = float(np.sum(r * w))
+        sensors = self._counts - self._lost(S, L, back[:, 1:], each)
+        score = 0.5 * (products[0] - np.concatenate([sensors, joints]))
         spread = S.log_determinant + 2.0 * float(self._counts @ np.log(sensor))
-        return -0.5 * (spread + determinant + rPr), score, information
+        squares = float(white[:, 0] @ both[:, 0])
+        return -0.5 * (spread + determinant + squares), score, information
+
+    def _lost(self, S: PoseWhitening, L: NDArray, back: NDArray, each: NDArray) -> NDArray:
+        """Return what joints and fitting take of each sensor's coordinates. Shape (G,).
+
+        Of one sensor it is what is left of tr P S, the coordinates less what was fitted.
+
+        Args:
+            S: Covariance of the visits.
+            L: C = LL'. Shape (P, p).
+            back: W' Z, of several sensors. Shape (T, p).
+            each: a_j' P a_j of every joint. Shape (visits, n).
+        """
+        if len(self.held) > 1:
+            lost = S.taken + np.einsum("tp,tp->t", back, back)
+            return np.asarray(lost @ self._own)
+        known = self.data.information
+        fitted = L.shape[1] - (0.0 if known is None else float(known @ np.sum(L**2, axis=1)))
+        return np.array([fitted + float(np.sum(each * S.joint_sigma**2))])
 
 
-def _inverse(H: NDArray) -> tuple[NDArray, float]:
-    """Return the inverse and the log determinant; directions that nothing tells are left out."""
+def _root_of_inverse(H: NDArray) -> tuple[NDArray, float]:
+    """Return L with LL' = H^-1, and log|H|; directions that nothing tells are left out."""
     unit = np.sqrt(np.where(np.diag(H) > 0.0, np.diag(H), 1.0))
     values, vectors = np.linalg.eigh(H / np.outer(unit, unit))
     kept = values > 1e-12 * values[-1]
-    inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T / np.outer(unit, unit)
-    return inverse, float(2.0 * np.sum(np.log(unit)) + np.sum(np.log(values[kept])))
+    root = vectors[:, kept] / np.sqrt(values[kept]) / unit[:, None]
+    return root, float(2.0 * np.sum(np.log(unit)) + np.sum(np.log(values[kept])))

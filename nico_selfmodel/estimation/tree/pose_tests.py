@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import ContradictedError
-from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseWhitening
+from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
+from nico_selfmodel.estimation.noise.pose_noise import PoseWhitening
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.optimization.chi_square import as_rare_as
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
@@ -34,11 +35,11 @@ def slipped_joints(whitening: PoseWhitening, r: NDArray, J: NDArray, prior: NDAr
     """
     groups, A = whitening.groups, whitening.lever
     SiA = whitening.inverse(A)
-    rows, Jg = groups.gather(r[:, None, None]), groups.gather(J[:, None])
+    rows, Jg = groups.gather(r[:, None]), groups.gather(J[:, None])
     C = _covariance(whitening, Jg, prior)
-    e = np.einsum("gkm,gk->gm", SiA, rows[:, :, 0])
-    c = np.einsum("gkm,gkm->gm", SiA, A)
-    along = np.swapaxes(SiA, 1, 2) @ Jg
+    e = groups.products(SiA, rows[:, None])[:, :, 0]
+    c = np.einsum("gmm->gm", groups.products(SiA, A))
+    along = groups.products(SiA, Jg)
     taken = np.sum((along @ C) * along, axis=2)
     t = np.where(c < 1e-9, 0.0, (e**2 + taken) / np.maximum(c, 1e-9))
     out = np.zeros(t.shape, dtype=bool)
@@ -81,7 +82,7 @@ def far_observations(
     groups = whitening.groups
     Jg = groups.gather(J[:, None])
     C = _covariance(whitening, Jg, prior)
-    both = np.concatenate([groups.gather(r[:, None, None]), Jg], axis=2)
+    both = np.column_stack([groups.gather(r[:, None]), Jg])
     solved = groups.scatter(whitening.inverse(both))[:, 0]
     shift, spread = whitening.joint_errors(-r[:, None])
     visit = groups.of(np.ones(len(r), dtype=bool))
@@ -119,8 +120,7 @@ def _limit(k: int) -> float:
 
 def _covariance(whitening: PoseWhitening, Jg: NDArray, prior: NDArray) -> NDArray:
     """Return C of the free parameters; directions that nothing tells are left out. (p, p)."""
-    flat = Jg.reshape(-1, Jg.shape[2])
-    H = flat.T @ whitening.inverse(Jg).reshape(flat.shape) + np.diag(prior)
+    H = Jg.T @ whitening.inverse(Jg) + np.diag(prior)
     unit = np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
     return np.linalg.pinv(H / np.outer(unit, unit), rcond=1e-11, hermitian=True) / np.outer(
         unit, unit

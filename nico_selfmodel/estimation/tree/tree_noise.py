@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.noise.pose_noise import PoseGroups
+from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.variance_components import (
     LEAST_OF_ALL,
     LinearResiduals,
@@ -39,7 +39,7 @@ def likeliest_noise(
     """
     residuals = LinearResiduals(
         groups,
-        groups.gather(linear.r[:, None, None]),
+        groups.gather(linear.r[:, None]),
         groups.gather(linear.J.T[:, None]),
         linear.by_joint[:, None],
         data.noise_group[:, None],

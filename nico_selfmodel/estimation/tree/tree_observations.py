@@ -18,7 +18,7 @@ from nico_selfmodel.dataset.body.sensors import (
     POSES,
     SENSOR_COLUMNS,
 )
-from nico_selfmodel.estimation.noise.pose_noise import PoseGroups
+from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import FREE, WHOLE_POSES
 

@@ -12,12 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.noise.pose_noise import (
-    FREE_SIGMA,
-    PoseGroups,
-    PoseNoise,
-    PoseWhitening,
-)
+from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
+from nico_selfmodel.estimation.noise.pose_noise import FREE_SIGMA, PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
-from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
+from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
+from nico_selfmodel.estimation.noise.pose_noise import PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_noise import likeliest_noise
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
