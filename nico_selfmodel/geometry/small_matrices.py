@@ -55,7 +55,7 @@ def whitening_core(G: NDArray) -> tuple[NDArray, NDArray, NDArray]:
 
 
 def _rows_first(matrices: NDArray) -> NDArray:
-    return np.ascontiguousarray(np.moveaxis(matrices, -1, 0))
+    return np.ascontiguousarray(matrices.transpose(2, 0, 1))
 
 
 def _log_determinant(L: NDArray) -> NDArray:
@@ -65,7 +65,7 @@ def _log_determinant(L: NDArray) -> NDArray:
 
 def _cholesky(S: NDArray) -> NDArray:
     """Factor S = L L'. Shape (N, n, n) -> (n, n, N)."""
-    A = np.array(np.moveaxis(S, 0, -1), order="C")
+    A = np.array(S.transpose(1, 2, 0), order="C")
     L = np.zeros_like(A)
     for j in range(len(A)):
         left = A[j:, j] - np.einsum("ikN,kN->iN", L[j:, :j], L[j, :j])

@@ -76,8 +76,8 @@ class EffectFit:
     def values(self) -> NDArray:
         """All parameters after the step."""
         out = np.array(self.parameters.values)
-        for name, change in zip(self.free, self.step.tolist(), strict=True):
-            out[self.parameters.names.index(name)] += change
+        place = {name: i for i, name in enumerate(self.parameters.names)}
+        out[[place[name] for name in self.free]] += self.step
         return out
 
     def sigma_of(self, weights: Mapping[str, float]) -> float:
@@ -178,7 +178,8 @@ class Glance:
         task = _Task.of(body, parameters, groups, beforehand)
         columns = [self.weighed.free.index(name) for name in task.free]
         sums = self.sums.part(columns)
-        fits = [task.judged(self.weighed, sums, columns, *told) for told in task.starts(sums, {})]
+        reduced, starts = sums.reduced(task.member, task.share), task.starts(sums, {})
+        fits = [task.judged(self.weighed, sums, reduced, columns, *told) for told in starts]
         return task.whole(min(fits, key=lambda fit: fit.evidence))
 
 
@@ -220,9 +221,8 @@ class _Task:
     def starts(self, sums: Sums, begin: Mapping[str, float]) -> list[_Told]:
         """Return the answers, by evidence, of effects that begin large and small; one if alike."""
         new = set(self.member) - set(self.known) - set(begin)
-        large, *small = (
-            self.by_evidence(sums, begin, size) for size in (_SIZES if new else _SIZES[:1])
-        )
+        reduced, sizes = sums.reduced(self.member, self.share), _SIZES if new else _SIZES[:1]
+        large, *small = (self.by_evidence(sums, reduced, begin, size) for size in sizes)
         others = [
             told
             for told in small
@@ -239,13 +239,15 @@ class _Task:
             pull[own], spread_of[own] = -self.start[own], variance[effect] * self.share[own]
         weighed = weighed.with_noise(weighed.likeliest(pull, spread_of))
         sums = Sums.of(weighed)
-        told = self.by_evidence(sums, variance, _SIZES[1])
-        return self.judged(weighed, sums, range(len(self.free)), *told)
+        reduced = sums.reduced(self.member, self.share)
+        told = self.by_evidence(sums, reduced, variance, _SIZES[1])
+        return self.judged(weighed, sums, reduced, range(len(self.free)), *told)
 
     def judged(
         self,
         weighed: Weighed,
         sums: Sums,
+        reduced: Reduced,
         columns: Sequence[int],
         step: NDArray,
         variance: dict[str, float],
@@ -255,15 +257,16 @@ class _Task:
         Args:
             weighed: About the body, of all columns there are.
             sums: Of those of this task.
+            reduced: Of its effects alone.
             columns: Which they are.
             step: Of them.
             variance: Of each effect's numbers.
         """
         deviance = weighed.log_determinant + sums.missed(step)
         asked = sum(effect not in self.known for effect in self.member)
-        cost = self.occam(sums.reduced(self.member, self.share), step, variance)
+        cost = self.occam(reduced, step, variance)
         cost += asked * np.log(weighed.coordinates)
-        return _Judged(weighed, sums, columns, step, variance, deviance + cost)
+        return _Judged(weighed, sums, reduced, columns, step, variance, deviance + cost)
 
     def whole(self, judged: "_Judged") -> EffectFit:
         """Return a fit with all that is told of it."""
@@ -276,16 +279,17 @@ class _Task:
             judged.variance,
             frozenset(self.known),
             self.beforehand.shares,
-            judged.sums.reduced(self.member, self.share).solve(self.start, judged.variance)[0],
+            judged.reduced.solve(self.start, judged.variance)[0],
             judged.weighed.noise,
             judged.evidence,
             self.without_folds(judged),
             judged.weighed.pose,
         )
 
-    def by_evidence(self, sums: Sums, begin: Mapping[str, float], size: float) -> _Told:
+    def by_evidence(
+        self, sums: Sums, reduced: Reduced, begin: Mapping[str, float], size: float
+    ) -> _Told:
         """Return the step and the variances."""
-        reduced = sums.reduced(self.member, self.share)
         hidden = {e: sums.hidden(own) for e, own in self.member.items()}
         doubt, probable = self.beforehand.doubt, self.beforehand.probable
         found = {e: begin.get(e, 0.0) or size * v for e, v in hidden.items()} | dict(self.known)
@@ -346,6 +350,7 @@ class _Judged:
 
     weighed: Weighed
     sums: Sums
+    reduced: Reduced
     columns: Sequence[int]
     step: NDArray
     variance: dict[str, float]

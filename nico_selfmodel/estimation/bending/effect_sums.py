@@ -114,11 +114,12 @@ class Reduced:
         now = start[self.effects]
         v = np.concatenate([variance[e] * self.share[p] for e, p in self.member.items()] or [now])
         there = v > 0.0
+        if there.all():
+            C = _posterior(self.S, v)
+            return C, C @ (self.s - now / v)
         step, C = np.where(there, 0.0, -now), np.zeros_like(self.S)
         if there.any():
-            root = np.sqrt(v[there])
-            inside = self.S[np.ix_(there, there)] * np.outer(root, root) + np.eye(len(root))
-            own = np.linalg.inv(inside) * np.outer(root, root)
+            own = _posterior(self.S[np.ix_(there, there)], v[there])
             right = (self.s - self.S @ step)[there] - now[there] / v[there]
             C[np.ix_(there, there)], step[there] = own, own @ right
         return C, step
@@ -128,3 +129,12 @@ class Reduced:
         out = np.zeros(len(self.rigid) + len(self.effects))
         out[self.effects], out[self.rigid] = step, self.alone - self.gain @ step
         return out
+
+
+def _posterior(S: NDArray, v: NDArray) -> NDArray:
+    """Return (S + V^-1)^-1, well posed however little is told. Shapes (e, e) and (e,)."""
+    root = np.sqrt(v)
+    units = root[:, None] * root
+    inside = S * units
+    inside.flat[:: len(v) + 1] += 1.0
+    return np.linalg.inv(inside) * units

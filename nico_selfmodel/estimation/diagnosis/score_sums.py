@@ -1,6 +1,7 @@
 """Sums of scores over the spans of a recording, and the best course of a change in them."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +113,8 @@ class ScoreSums:
 
     def step(self, columns: list[int]) -> CourseFound | None:
         """Return the best sudden change of some parameters."""
-        T, M = self._efficient(np.cumsum(self.s, axis=0), np.cumsum(self.h, axis=0), columns)
+        s, cross, own = (np.cumsum(part, axis=0) for part in self._parts(columns))
+        T, M = self._efficient(s, cross, own)
         inside = slice(_MARGIN, len(T) - _MARGIN)
         gains = np.full(len(T), -np.inf)
         gains[inside] = _quadratic(M[inside], T[inside])
@@ -125,24 +127,28 @@ class ScoreSums:
     def drift(self, columns: list[int]) -> CourseFound | None:
         """Return the best steady change of some parameters, over the whole recording."""
         course = np.linspace(-0.5, 0.5, len(self.s))
-        T, _ = self._efficient(
-            (course[:, None] * self.s).sum(axis=0)[None],
-            (course[:, None, None] * self.h).sum(axis=0)[None],
-            columns,
-        )
-        own = (course[:, None, None] ** 2 * self.h).sum(axis=0)[columns][:, columns]
-        cross = (course[:, None, None] * self.h).sum(axis=0)[columns][:, self.free]
-        M = own - cross @ self.inverse @ cross.T
-        gain = float(_quadratic(M[None], T)[0])
-        size = np.linalg.lstsq(M, T[0], rcond=1e-9)[0]
+        s, cross, own = self._parts(columns)
+        s, cross = np.tensordot(course, s, 1), np.tensordot(course, cross, 1)
+        M = np.tensordot(course**2, own, 1) - cross @ self.inverse @ cross.T
+        T = s - cross @ self._step_of_all
+        gain = float(_quadratic(M[None], T[None])[0])
+        size = np.linalg.lstsq(M, T, rcond=1e-9)[0]
         return self._found(gain, columns, size, len(course) // 2, course, drift=True)
 
-    def _efficient(self, s: NDArray, h: NDArray, columns: list[int]) -> tuple[NDArray, NDArray]:
+    def _parts(self, columns: list[int]) -> tuple[NDArray, NDArray, NDArray]:
+        """Return scores of columns, and their information with what is free and each other."""
+        h = self.h[:, columns]
+        return self.s[:, columns], h[:, :, self.free], h[:, :, columns]
+
+    @cached_property
+    def _step_of_all(self) -> NDArray:
+        """What the free parameters would still do. Shape (k,)."""
+        return self.inverse @ self.s.sum(axis=0)[self.free]
+
+    def _efficient(self, s: NDArray, cross: NDArray, own: NDArray) -> tuple[NDArray, NDArray]:
         """Return scores and information of columns, what free parameters take taken off."""
-        cross = h[:, columns][:, :, self.free]
-        total = self.inverse @ self.s.sum(axis=0)[self.free]
-        taken = cross @ self.inverse @ np.swapaxes(cross, 1, 2)
-        return s[:, columns] - cross @ total, h[:, columns][:, :, columns] - taken
+        taken = cross @ self.inverse
+        return s - cross @ self._step_of_all, own - taken @ np.swapaxes(cross, 1, 2)
 
     def _found(
         self,
@@ -168,22 +174,28 @@ class ScoreSums:
         What the residuals may depend on besides is taken off both. The size of the change is that
         which explains outliers, if they are part of it, or that which does not.
         """
-        cross = np.einsum("t,tij->ij", found.course, self.h[:, columns][:, :, self.free])
-        own = np.einsum("t,tij->ij", found.course**2, self.h[:, columns][:, :, columns])
+        s, cross, own = self._parts(columns)
+        cross = np.tensordot(found.course, cross, 1)
+        left = np.tensordot(found.course**2, own, 1) - cross @ self.inverse @ cross.T
         before, after = [], []
-        for s in (self.s, self.plain):
-            fitted = s.sum(axis=0)[self.free]
+        for each, part in ((self.s, s), (self.plain, self.plain[:, columns])):
+            fitted = each.sum(axis=0)[self.free]
             before.append(self._mean_distance(self.inverse @ fitted, 0.0))
-            along = found.course @ s[:, columns] - cross @ self.inverse @ fitted
-            size = np.linalg.lstsq(own - cross @ self.inverse @ cross.T, along, rcond=1e-9)[0]
+            along = found.course @ part - cross @ self.inverse @ fitted
+            size = np.linalg.lstsq(left, along, rcond=1e-9)[0]
             taken = self.inverse @ (fitted - cross.T @ size)
             changed = self.linear.jacobian[:, :, columns] @ (size * self.scale[columns])
             after.append(self._mean_distance(taken, found.course[self.span, None] * changed))
         return float(min(before) / max(min(*before, *after), np.finfo(float).tiny))
 
+    @cached_property
+    def _free_columns(self) -> NDArray:
+        """Derivatives by the free parameters. Shape (N, 3, k)."""
+        return self.linear.jacobian.take(self.free, axis=2) * self.scale[self.free]
+
     def _mean_distance(self, taken: NDArray, changed: NDArray | float) -> float:
         """Return the mean residual when the free parameters take a step and something changed."""
-        moved = self.linear.jacobian[:, :, self.free] @ (taken * self.scale[self.free])
+        moved = self._free_columns @ taken
         return float(np.linalg.norm(self.linear.residuals - moved - changed, axis=1).mean())
 
     def chance_of(self, ratio: float) -> float:

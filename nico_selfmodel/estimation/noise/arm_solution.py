@@ -86,11 +86,22 @@ class Linearised:
             keep: Rows that count. Boolean, shape (N,).
             noise: What disturbs them.
         """
+        groups = PoseGroups(observations.visit, keep, 3, observations.pose)
+        return cls.of(observations, parameters, groups, noise)
+
+    @classmethod
+    def of(
+        cls,
+        observations: Observations,
+        parameters: DhParameters,
+        groups: PoseGroups,
+        noise: PoseNoise,
+    ) -> "Linearised":
+        """Linearise as `at` does, of rows that were grouped before."""
         p, jacobian = parameters.predict(
             observations.angles, observations.marker, observations.approach
         )
         by_angle = slopes_by_angle(parameters, jacobian)
-        groups = PoseGroups(observations.visit, keep, 3, observations.pose)
         return cls(
             parameters.names,
             observations.p_WH - p,

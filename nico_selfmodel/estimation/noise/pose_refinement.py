@@ -4,6 +4,8 @@ Least squares over all rows alike let the poses with long levers, where joint no
 most, decide; and count the markers of one pose as so many poses.
 """
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +19,7 @@ from nico_selfmodel.estimation.noise.arm_solution import (
     uncertainty_of,
 )
 from nico_selfmodel.estimation.noise.noise_variances import most_likely_noise
+from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.noise.variance_components import LinearResiduals
 from nico_selfmodel.estimation.observations.hand_residuals import DhResiduals
@@ -267,18 +270,20 @@ class _Refinement:
         # What is known beforehand is an equation, too: an effect that is all prior costs nothing.
         redundancy = 3 * int(keep.sum()) + len(self.priors) - len(self.columns)
         self.variances_known = redundancy >= _LEAST_REDUNDANCY
+        observations = self.observations
+        groups = PoseGroups(observations.visit, keep, 3, observations.pose)
         for _ in range(_ROUNDS):
-            self.linear = Linearised.at(self.observations, self.parameters, keep, self.noise)
+            self.linear = Linearised.of(observations, self.parameters, groups, self.noise)
             before = self.noise
             if self.variances_known:
                 self.noise = self.likeliest_noise(apart)
-                self.linear = Linearised.at(self.observations, self.parameters, keep, self.noise)
+                self.linear = self.linear.with_noise(self.noise)
             self.step(last=False)
             if not self.variances_known or _alike(before, self.noise):
                 break
         if apart:
             self.step(last=True)
-        self.linear = Linearised.at(self.observations, self.parameters, keep, self.noise)
+        self.linear = Linearised.of(observations, self.parameters, groups, self.noise)
 
     def likeliest_noise(self, apart: bool) -> PoseNoise:
         """Return the noise that the residuals ask for, with what fitting took from them."""
@@ -291,11 +296,16 @@ class _Refinement:
             groups.gather(about),
             groups.gather(jacobian),
             linear.by_angle,
-            information=information_of(self.parameters, self.columns, self.priors),
+            information=self.information if self.priors else None,
         )
         known = counting_variance(self.observations, self.parameters.servos.gear)
         found = most_likely_noise(residuals, self.noise, known, apart=apart)
         return PoseNoise(max(found.sensor_sigma, _LEAST_SENSOR), found.joint_sigma)
+
+    @cached_property
+    def information(self) -> NDArray:
+        """Inverse variances of what is known beforehand. Shape (p,)."""
+        return information_of(self.parameters, self.columns, self.priors)
 
     def step(self, *, last: bool) -> None:
         """Solve with the whitening as it is, which will change; the last time to the end."""
@@ -316,7 +326,7 @@ class _Refinement:
         """Return rows that neither model, nor noise, nor the rest of their pose explains."""
         if not self.variances_known:
             return before
-        known = information_of(self.parameters, self.columns, self.priors)
+        known = self.information
         distances = conditional_distances(self.linear, self.free, ~before, information=known)
         return worst_of_visits(distances, before, self.observations.visit)
 

@@ -17,6 +17,10 @@ from nico_selfmodel.estimation.noise.pose_noise import PoseNoise, PoseWhitening
 _ROUNDS, _SETTLED = 40, 2e-3
 _LARGEST_STEP = 1.0
 """Of a logarithm of a variance in one round."""
+_UNTOLD, _WELL_TOLD = 1e-12, 1e-8
+"""Parts of the largest eigenvalue, parameters taken in their own units, below which a direction is
+told by nothing, and part of a parameter's own information, beside all others, above which all are
+told for sure."""
 LEAST_OF_ALL = 0.002
 """Part of the residuals about what is known beforehand that noise is at least."""
 
@@ -225,7 +229,16 @@ class VarianceSearch:
 def _root_of_inverse(H: NDArray) -> tuple[NDArray, float]:
     """Return L with LL' = H^-1, and log|H|; directions that nothing tells are left out."""
     unit = np.sqrt(np.where(np.diag(H) > 0.0, np.diag(H), 1.0))
-    values, vectors = np.linalg.eigh(H / np.outer(unit, unit))
-    kept = values > 1e-12 * values[-1]
+    alike = H / np.outer(unit, unit)
+    scale = float(2.0 * np.sum(np.log(unit)))
+    try:
+        lower = np.linalg.cholesky(alike)
+    except np.linalg.LinAlgError:
+        lower = np.zeros_like(alike)
+    pivots = np.diag(lower)
+    if (pivots**2 > _WELL_TOLD).all():
+        return np.linalg.inv(lower).T / unit[:, None], scale + 2.0 * float(np.sum(np.log(pivots)))
+    values, vectors = np.linalg.eigh(alike)
+    kept = values > _UNTOLD * values[-1]
     root = vectors[:, kept] / np.sqrt(values[kept]) / unit[:, None]
-    return root, float(2.0 * np.sum(np.log(unit)) + np.sum(np.log(values[kept])))
+    return root, scale + float(np.sum(np.log(values[kept])))

@@ -16,6 +16,7 @@ where the estimate begins, known to a part of themselves (`estimation/bending`, 
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,7 +110,7 @@ class Bending:
         kept = {name: value for name, value in zero.items() if name not in effects}
         return replace(self, effects=tuple(e for e in PARTS if e in effects), **kept)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of what was learned, effect by effect."""
         return tuple(name for effect in self.effects for name in self.names_of(effect))

@@ -6,6 +6,7 @@ angle at theta = 0: `sign * radians(reading) = theta_offset + gear * theta` (the
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,7 @@ class DhParameters:
         """Rotation vector of frame 0 in W [rad]. Shape (3,)."""
         return rotation_vector_of(self.table.X_W0[:3, :3]) if self.turn is None else self.turn
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of all parameters: 6 + 6 n + 3 m, and those of what bends."""
         joints = [f"{joint}.{part}" for joint in self.table.joints for part in JOINT_PARTS]
