@@ -59,7 +59,7 @@ _Loader.add_constructor(f"{_CORE}int", _Loader.construct_yaml_int)
 _Loader.add_constructor(f"{_CORE}float", _Loader.construct_yaml_float)
 
 
-class _Dumper(yaml.SafeDumper):
+class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # pyright: ignore
     """Lists of plain values in one line; no aliases; text that does not print plainly escaped.
 
     PyYAML on its own writes a "next line" character such that it reads back as a space.

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from nico_selfmodel.model.arm.bending import Bending
+from nico_selfmodel.optimization.uncertainty import Uncertainty
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.error_plots import (
     error_distribution,
@@ -171,6 +173,43 @@ def test_the_strongest_correlation_is_named(calibration):
     i, j = np.unravel_index(np.argmax(correlation), correlation.shape)
     names = calibration.uncertainty.names
     assert f"{names[j]} with {names[i]}" in title(correlations_drawn(calibration))
+
+
+def test_of_many_parameters_those_that_are_most_correlated_are_shown():
+    count = 60
+    rng = np.random.default_rng(0)
+    C = np.diag(rng.uniform(1.0, 2.0, count))
+    C[7, 50] = C[50, 7] = 0.9
+    names = tuple(f"joint.part{i}" for i in range(count))
+    known = Uncertainty(names, C, np.sqrt(np.diag(C)), 1.0, count, 1.0, ())
+    figure = correlations(known)
+    shown = [text.get_text() for text in figure.axes[0].get_yticklabels()]
+    assert {"joint.part7", "joint.part50"} <= set(shown)
+    assert len(shown) == 40
+    assert "40 of 60 parameters shown" in title(figure)
+
+
+def test_sigmas_of_what_bends_are_not_among_those_of_the_geometry(calibration):
+    from dataclasses import replace
+
+    joints = calibration.model.joints
+    bending = replace(
+        Bending.none(joints, np.array([0.0, 0.0, 1.0]), np.zeros((4, 3)), np.zeros(4)),
+        effects=("coupling",),
+    )
+    known, more = calibration.uncertainty, len(bending.names)
+    told = np.append(known.sigma, np.full(more, 1e-3))
+    wider = replace(known, names=(*known.names, *bending.names), sigma=told)
+    bent = replace(calibration, model=replace(calibration.model, bending=bending))
+    bent = replace(bent, uncertainty=wider)
+    labels = [t.get_text() for axes in parameter_sigmas(bent).axes for t in axes.get_yticklabels()]
+    assert sorted(labels) == sorted(calibration.uncertainty.names)
+
+
+def test_points_of_a_figure_are_one_path_and_take_little_room(calibration):
+    panels = InlineFigure.of(residuals_over_angles(calibration)).panels
+    count = 3 * int(np.sum(~calibration.outliers)) * len(calibration.model.joints)
+    assert sum(len(panel.svg) for panel in panels) < 130 * count + 40_000
 
 
 def test_circle_points_alone_have_no_figures_of_what_they_do_not_know(circles_alone):

@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
@@ -14,11 +15,14 @@ from nico_selfmodel.viz.figures.inlier_errors import inlier_rows, largest_shown
 from nico_selfmodel.viz.figures.plot_style import (
     FULL_WIDTH,
     MANY,
+    dots,
     headline,
     style,
 )
 
 _MOST_BINS, _LEAST_IN_BIN = 9, 5
+_BAND = 1.12
+"""Half the height of the band of a coordinate, in limits of its residuals."""
 _STANDS_OUT = 3.7
 """Standard scores from which a bin's mean is a trend: noise in 100 bins gets there once in 50."""
 
@@ -81,50 +85,70 @@ def residuals_over_angles(calibration: KinematicCalibration) -> Figure:
     servos = calibration.model.servos
     angles = calibration.train.observations.angles[inliers]
     q = np.degrees((angles - servos.offset) / servos.gear)
-    joints = calibration.model.joints
+    joints, limit = calibration.model.joints, _axis_limit(residuals)
     with style():
         figure = Figure(figsize=(FULL_WIDTH, 4.6))
-        panels = figure.subplots(3, len(joints), sharex="col", sharey=True, squeeze=False)
-        trends, limit = [], _axis_limit(residuals)
-        panels[0, 0].set_ylim(-1.08 * limit, 1.08 * limit)
-        for i, joint in enumerate(joints):
+        panels = figure.subplots(1, len(joints), sharey=True, squeeze=False)[0]
+        trends = []
+        for i, (axes, joint) in enumerate(zip(panels, joints, strict=True)):
+            color = palette.joint_color(i)
+            _scattered(axes, q[:, i], residuals, limit, color)
             for k in range(3):
-                score, size = _trend_panel(
-                    panels[k, i], q[:, i], residuals[:, k], limit, palette.joint_color(i)
-                )
+                score, size = _trend(axes, q[:, i], residuals[:, k], limit, _middle(k, limit))
                 trends.append((score, f"{size:.2f} mm in {'xyz'[k]} over {joint}"))
-            panels[0, i].set_title(joint, fontsize=8.5, loc="center", wrap=True)
-            panels[2, i].set_xlabel("angle [deg]")
-        for k in range(3):
-            panels[k, 0].set_ylabel(f"residual {'xyz'[k]} [mm]")
+            axes.set_title(joint, fontsize=8.5, loc="center", wrap=True)
+            axes.set_xlabel("angle [deg]")
+        _bands(panels[0], limit)
         headline(figure, _strongest_trend(trends, float(np.sqrt(np.mean(residuals**2)))))
     return figure
 
 
-def _trend_panel(
-    axes: Axes, angle: NDArray, residual: NDArray, limit: float, color: str
+def _middle(k: int, limit: float) -> float:
+    """Return where the zero of x, y and z is: three bands, one above the other [mm]."""
+    return -2.0 * _BAND * k * limit
+
+
+def _bands(axes: Axes, limit: float) -> None:
+    """Label the bands of x, y and z as three axes of residuals, which other panels share."""
+    ticks = MaxNLocator(2, symmetric=True).tick_values(-limit, limit)
+    ticks = ticks[np.abs(ticks) <= limit].tolist()
+    at = [_middle(k, limit) + tick for k in range(3) for tick in ticks]
+    words = [
+        f"{tick:g}".replace("-", "−") if tick else f"{axis}  0" for axis in "xyz" for tick in ticks
+    ]
+    axes.set_yticks(at, words)
+    axes.set_ylim(_middle(2, limit) - _BAND * limit, _BAND * limit)
+    axes.set_ylabel("residual [mm]")
+
+
+def _scattered(axes: Axes, angle: NDArray, residuals: NDArray, limit: float, color: str) -> None:
+    """Draw residuals of x, y and z over an angle, each in its band. Shapes (N,) and (N, 3)."""
+    middles = np.array([_middle(k, limit) for k in range(3)])
+    over, inside = np.repeat(angle[:, None], 3, axis=1), np.abs(residuals) <= limit
+    size = 2.0 if len(angle) > 300 else 3.2
+    dots(axes, over[inside], (residuals + middles)[inside], color=color, size=size)
+    for mark, rows in (("^", residuals > limit), ("v", residuals < -limit)):
+        if rows.any():
+            places = (np.sign(residuals) * limit + middles)[rows]
+            axes.plot(over[rows], places, mark, color=color, markersize=4.0, alpha=0.45)
+    for edge in middles[:-1] - _BAND * limit:
+        axes.axhline(edge, color=palette.MUTED, linewidth=0.8)
+    axes.hlines(middles, angle.min(), angle.max(), color=palette.MUTED, linewidth=0.8)
+
+
+def _trend(
+    axes: Axes, angle: NDArray, residual: NDArray, limit: float, middle: float
 ) -> tuple[float, float]:
-    """Draw points and the means of bins; return the largest standard score and its mean [mm]."""
-    size, many = (3.0 if len(angle) > 300 else 4.5), len(angle) > MANY
-    for mark, rows in (
-        (".", np.abs(residual) <= limit),
-        ("^", residual > limit),
-        ("v", residual < -limit),
-    ):
-        shown = np.clip(residual[rows], -limit, limit)
-        wide = size if mark == "." else 4.0
-        axes.plot(
-            angle[rows], shown, mark, color=color, markersize=wide, alpha=0.45, rasterized=many
-        )
-    residual = np.clip(residual, -limit, limit)
-    axes.axhline(0.0, color=palette.MUTED, linewidth=0.8)
-    members = _bins_of(angle)
+    """Draw the means of bins; return the largest standard score and its mean [mm]."""
+    residual, members = np.clip(residual, -limit, limit), _bins_of(angle)
     if len(members) < 3:
         return 0.0, 0.0
-    middle = [float(angle[rows].mean()) for rows in members]
+    at = [float(angle[rows].mean()) for rows in members]
     mean = np.array([residual[rows].mean() for rows in members])
     error = residual.std(ddof=1) / np.sqrt([len(rows) for rows in members])
-    axes.errorbar(middle, mean, error, color=palette.INK, linewidth=1.5, marker="o", markersize=3)
+    ink = {"color": palette.INK, "linewidth": 1.5}
+    axes.vlines(at, middle + mean - error, middle + mean + error, **ink)
+    axes.plot(at, middle + mean, "o-", markersize=3, **ink)
     score = np.abs(mean) / np.maximum(error, 1e-12)
     return float(score.max()), float(np.abs(mean[np.argmax(score)]))
 

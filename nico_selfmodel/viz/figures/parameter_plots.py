@@ -1,6 +1,7 @@
 """Figures of the estimate: how well each parameter is known, correlations, convergence."""
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
@@ -24,17 +25,24 @@ from nico_selfmodel.viz.figures.plot_style import (
 
 _SHOWN = {"m": ("mm", 1e3), "rad": ("deg", 180.0 / np.pi), "1": ("%", 100.0)}
 """Unit of a parameter -> unit and factor that people read."""
+_MOST_SHOWN = 40
+"""Parameters whose correlations are shown: those that are most so."""
+_DIVERGING = "RdBu_r"
 _HEADING = {"m": "lengths", "rad": "angles", "1": "gears"}
 
 
 def parameter_sigmas(calibration: KinematicCalibration) -> Figure | None:
-    """Draw the standard deviation of every free parameter; None where none is known."""
-    uncertainty = calibration.uncertainty
+    """Draw the standard deviation of every free parameter of the geometry; None without any.
+
+    What bends has numbers by the dozen that are next to nothing, and a section of its own.
+    """
+    uncertainty, bending = calibration.uncertainty, calibration.model.bending
     if uncertainty is None:
         return None
-    unit_of = _units(calibration)
+    bends = () if bending is None else bending.names
+    unit_of = {name: unit for name, unit in _units(calibration).items() if name not in bends}
     groups = {
-        unit: [name for name in uncertainty.names if unit_of[name] == unit] for unit in _SHOWN
+        unit: [name for name in uncertainty.names if unit_of.get(name) == unit] for unit in _SHOWN
     }
     groups = {unit: names for unit, names in groups.items() if names}
     with style():
@@ -44,7 +52,7 @@ def parameter_sigmas(calibration: KinematicCalibration) -> Figure | None:
         for axes, (unit, names) in zip(panels, groups.items(), strict=True):
             _sigma_panel(axes, calibration, uncertainty, unit, names)
             axes.set_ylim(tallest - 0.4, -0.6)
-        headline(figure, _least_known(uncertainty, unit_of, unobservable_parameters(uncertainty)))
+        headline(figure, _least_known(uncertainty, unit_of))
     return figure
 
 
@@ -64,17 +72,18 @@ def _sigma_panel(
     unobservable = unobservable_parameters(uncertainty)
     known = np.array([name not in unobservable for name in names])
     reach = 1.3 * float(sigma[known].max()) if known.any() else 1.0
-    for row, (name, size) in enumerate(zip(names, sigma.tolist(), strict=True)):
-        if name not in unobservable:
-            axes.barh(row, size, height=0.68, color=_color_of(name, calibration))
-            axes.text(size + 0.01 * reach, row, decimals(size, size), va="center", fontsize=7.5)
-        else:
-            stripes = {"color": "white", "hatch": "////", "edgecolor": palette.OUTLIER}
-            axes.barh(row, reach, height=0.68, **stripes)
-            word = {"va": "center", "ha": "center", "fontsize": 7.5}
-            text = axes.text(0.5 * reach, row, "unobservable", **word)
-            text.set_color(palette.OUTLIER)
-            text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 1.0})
+    rows = np.flatnonzero(known)
+    colors = [_color_of(names[row], calibration) for row in rows]
+    axes.barh(rows, sigma[rows], height=0.68, color=colors)
+    for row, size in zip(rows.tolist(), sigma[rows].tolist(), strict=True):
+        axes.text(size + 0.01 * reach, row, decimals(size, size), va="center", fontsize=7.5)
+    for row in np.flatnonzero(~known):
+        stripes = {"color": "white", "hatch": "////", "edgecolor": palette.OUTLIER}
+        axes.barh(row, reach, height=0.68, **stripes)
+        word = {"va": "center", "ha": "center", "fontsize": 7.5}
+        text = axes.text(0.5 * reach, row, "unobservable", **word)
+        text.set_color(palette.OUTLIER)
+        text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 1.0})
     axes.set_yticks(range(len(names)), names, fontsize=7.5)
     axes.tick_params(axis="y", length=0)
     axes.set_xlim(0.0, reach)
@@ -104,43 +113,57 @@ def unobservable_parameters(uncertainty: Uncertainty | None) -> frozenset[str]:
 
 
 def correlations(uncertainty: Uncertainty) -> Figure | None:
-    """Draw the correlations of free parameters; None where there are not two."""
+    """Draw the correlations of free parameters, the strongest ones; None where there are not two.
+
+    Args:
+        uncertainty: Of the parameters.
+    """
     if len(uncertainty.names) < 2:
         return None
-    count = len(uncertainty.names)
-    correlation = uncertainty.correlation
-    diagonal = np.eye(count, dtype=bool)
-    below = np.ma.masked_array(correlation, np.triu(np.ones((count, count), dtype=bool)))
+    shown = _most_correlated(uncertainty.correlation)
+    names = tuple(uncertainty.names[i] for i in shown)
+    correlation, count = uncertainty.correlation[np.ix_(shown, shown)], len(shown)
     with style():
         side = float(np.clip(0.2 * count + 2.4, 5.0, 9.6))
         figure = Figure(figsize=(side + 0.8, side))
         axes = figure.add_subplot()
-        scale = Normalize(-1.0, 1.0)
-        # Hundreds of fields would be most of a page.
-        shades = {"cmap": "RdBu_r", "norm": scale, "rasterized": True}
-        axes.pcolormesh(below, edgecolors="white", linewidth=0.4, **shades)
-        white = np.ma.masked_array(np.ones((count, count)), ~diagonal)
-        axes.pcolormesh(white, cmap="Greys", vmin=0.0, vmax=5.0)
-        small = 7.5 if count <= 30 else 6.5
-        ticks = np.arange(count) + 0.5
-        axes.set_xticks(ticks, uncertainty.names, rotation=90, fontsize=small)
-        axes.set_yticks(ticks, uncertainty.names, fontsize=small)
-        axes.tick_params(length=0)
-        axes.set_ylim(count, 0)
-        axes.set_aspect("equal")
         axes.grid(False)
+        corners = (-0.5, count - 0.5, count - 0.5, -0.5)
+        axes.imshow(_shades(correlation), interpolation="none", extent=corners)
+        fields = np.arange(count + 1) - 0.5
+        white = {"color": "white", "linewidth": 0.4}
+        axes.hlines(fields, -0.5, np.append(fields[1:], fields[-1]), **white)
+        axes.vlines(fields, np.append(fields[0], fields[:-1]), count - 0.5, **white)
+        axes.set_xticks(range(count), names, rotation=90, fontsize=7.5)
+        axes.set_yticks(range(count), names, fontsize=7.5)
+        axes.tick_params(length=0)
         for spine in axes.spines.values():
             spine.set_visible(False)
-        for border in _borders(uncertainty.names):
-            axes.plot([0, border], [border, border], color=palette.MUTED, linewidth=0.7)
-            axes.plot([border, border], [border, count], color=palette.MUTED, linewidth=0.7)
+        borders = np.array(_borders(names)) - 0.5
+        muted = {"color": palette.MUTED, "linewidth": 0.7}
+        axes.hlines(borders, -0.5, borders, **muted)
+        axes.vlines(borders, borders, count - 0.5, **muted)
         inset = axes.inset_axes((0.56, 0.93, 0.4, 0.025))
-        bar = ScalarMappable(scale, "RdBu_r")
+        bar = ScalarMappable(Normalize(-1.0, 1.0), _DIVERGING)
         ticks = [-1.0, -0.5, 0.0, 0.5, 1.0]
         figure.colorbar(bar, cax=inset, orientation="horizontal", ticks=ticks)
         inset.set_title("correlation", fontsize=8.5, fontweight="normal")
-        headline(figure, _strongest_pair(uncertainty.names, correlation))
+        headline(figure, _strongest_pair(names, correlation, len(uncertainty.names)))
     return figure
+
+
+def _most_correlated(correlation: NDArray) -> NDArray:
+    """Return which parameters to show, in their order: more names than a page has are no help."""
+    strongest = np.abs(correlation - np.diag(np.diag(correlation))).max(axis=1)
+    return np.sort(np.argsort(-strongest, kind="stable")[:_MOST_SHOWN])
+
+
+def _shades(correlation: NDArray) -> NDArray:
+    """Return the colours of the lower half, grey on the diagonal. Shape (p, p, 4)."""
+    shades = colormaps[_DIVERGING](0.5 + 0.5 * correlation)
+    shades[np.triu_indices(len(correlation))] = 0.0
+    shades[np.diag_indices(len(correlation))] = (0.88, 0.88, 0.88, 1.0)
+    return np.asarray(shades)
 
 
 def convergence(calibration: KinematicCalibration) -> Figure | None:
@@ -204,16 +227,14 @@ def _color_of(name: str, calibration: KinematicCalibration) -> str:
     return palette.joint_color(joints.index(joint)) if joint in joints else palette.TRAINING
 
 
-def _least_known(
-    uncertainty: Uncertainty, unit_of: dict[str, str], unobservable: frozenset[str]
-) -> str:
+def _least_known(uncertainty: Uncertainty, unit_of: dict[str, str]) -> str:
     """Say which length and which angle are known worst, or how many are unobservable."""
-    sigma = uncertainty.sigma
+    sigma, unobservable = uncertainty.sigma, unobservable_parameters(uncertainty)
     if unobservable:
         return f"{len(unobservable)} of {len(sigma)} parameters are not determined by these data"
     parts = []
     for unit in ("m", "rad"):
-        rows = [i for i, name in enumerate(uncertainty.names) if unit_of[name] == unit]
+        rows = [i for i, name in enumerate(uncertainty.names) if unit_of.get(name) == unit]
         if rows:
             worst = max(rows, key=lambda i: sigma[i])
             shown, factor = _SHOWN[unit]
@@ -222,11 +243,12 @@ def _least_known(
     return "Least known: " + ", ".join(parts)
 
 
-def _strongest_pair(names: tuple[str, ...], correlation: NDArray) -> str:
+def _strongest_pair(names: tuple[str, ...], correlation: NDArray, count: int) -> str:
     off = np.abs(np.tril(correlation, -1))
     i, j = np.unravel_index(int(np.argmax(off)), off.shape)
     size = f"{correlation[i, j]:+.3f}".replace("-", "−")
-    return f"Strongest correlation: {names[j]} with {names[i]}, {size}"
+    part = "" if count == len(names) else f" ({len(names)} of {count} parameters shown)"
+    return f"Strongest correlation: {names[j]} with {names[i]}, {size}{part}"
 
 
 def _borders(names: tuple[str, ...]) -> list[int]:

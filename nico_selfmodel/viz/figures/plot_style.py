@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -12,6 +13,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from numpy.typing import NDArray
 
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.layout.single_pass_layout import SinglePassLayout
@@ -34,6 +36,7 @@ _STYLE: dict[str, Any] = {
     "axes.titlelocation": "left",
     "axes.titlesize": 9.5,
     "axes.titleweight": "bold",
+    "axes.titley": 1.0,  # else it is looked for above all ticks, of which there are none up there
     "axes.unicode_minus": True,
     "figure.constrained_layout.use": True,
     "figure.facecolor": "white",
@@ -44,6 +47,7 @@ _STYLE: dict[str, Any] = {
     "legend.fontsize": 8.5,
     "legend.frameon": False,
     "lines.linewidth": 1.8,
+    "path.simplify": False,  # which takes points that stand apart for ends of one line
     "svg.fonttype": "none",
     "svg.hashsalt": "nico-selfmodel",
     "text.color": palette.INK,
@@ -102,6 +106,26 @@ def log_ticks(axis: Axis) -> None:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(plain_tick)
     axis.set_minor_formatter(NullFormatter())  # by default mathematics, which is not read
+
+
+def dots(axes: Axes, x: NDArray, y: NDArray, *, color: str, size: float) -> None:
+    """Draw many points as one path of round ends, which takes a tenth of markers' room.
+
+    Args:
+        axes: Where.
+        x: Of the points, and y of them likewise.
+        y: Where they stand.
+        color: Of all.
+        size: Their diameter [pt].
+    """
+    if len(x) > MANY:
+        look = {"markersize": size, "markeredgewidth": 0.0, "alpha": 0.65}
+        axes.plot(x, y, "o", color=color, rasterized=True, **look)
+        return
+    gaps = np.full(len(x), np.nan)
+    short = 1e-4 * (np.ptp(x) or 1.0)  # what has no length is not drawn everywhere
+    line = [np.stack([a, b, gaps], axis=1).ravel() for a, b in ((x - short, x + short), (y, y))]
+    axes.plot(*line, color=color, linewidth=size, alpha=0.65, solid_capstyle="round", snap=False)
 
 
 def grid_along(axes: Axes, axis: str) -> None:

@@ -26,7 +26,7 @@ from nico_selfmodel.viz.reports.parameter_tables import (
     place_table,
     pose_table,
 )
-from nico_selfmodel.viz.reports.residual_rows import pixels_csv
+from nico_selfmodel.viz.reports.pixel_rows import pixels_csv
 from nico_selfmodel.viz.reports.tables import (
     Cell,
     Table,

@@ -1,7 +1,6 @@
 """The photographs with what was found in them: small, with crisp corners drawn over."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.camera_views import CameraView, ShownView
 from nico_selfmodel.viz.figures.photographs import Photographs, jpeg, photograph_of, shrunk
 from nico_selfmodel.viz.live.gltf import data_uri
+from nico_selfmodel.viz.reports.parts import Gallery, GalleryRow, Thumbnail
 
 _WIDTH, _MANY = 480, 30
 """Of a picture in the page at least [px], until there are so many that they share the room."""
@@ -21,52 +21,6 @@ _CROSS = 0.009
 """Half the size of a cross in widths of the image."""
 _STROKE = 0.0034
 """Width of lines in widths of the image."""
-
-
-@dataclass(frozen=True)
-class Thumbnail:
-    """One photograph with its corners."""
-
-    file: str
-    """Name of the photograph."""
-    color: str
-    """Of the camera."""
-    rms: float | None
-    """Of its corners [px]."""
-    note: str
-    """What was tried in vain; empty where the board was found."""
-    uri: str | None
-    """The photograph; None where it was not kept."""
-    covered: tuple[int, int]
-    """Width and height of what the small photograph shows [px]."""
-    crosses: str
-    """The corners as an SVG path."""
-    row: str
-    """The first row of corners as an SVG path, so that their order shows."""
-    far: tuple[tuple[float, float], ...]
-    """Corners that fit far worse than the others [px]."""
-    stroke: float
-    """Width of its lines [px]."""
-
-
-@dataclass(frozen=True)
-class GalleryRow:
-    """One view: its cameras side by side."""
-
-    name: str
-    """Of the view."""
-    use: str
-    """One of `camera_views.USES`."""
-    pictures: tuple[Thumbnail, ...]
-    """One a camera."""
-
-
-@dataclass(frozen=True)
-class Gallery:
-    """Photographs as a part of a report."""
-
-    rows: tuple[GalleryRow, ...]
-    """One a view."""
 
 
 def gallery(

@@ -17,7 +17,7 @@ from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.camera_gallery import gallery
 from nico_selfmodel.viz.reports.page import Report, key_number
 from nico_selfmodel.viz.reports.parameter_tables import lens_table, pose_table
-from nico_selfmodel.viz.reports.residual_rows import views_csv
+from nico_selfmodel.viz.reports.pixel_rows import views_csv
 from nico_selfmodel.viz.reports.tables import (
     HEADINGS,
     Cell,

@@ -9,7 +9,7 @@ from nico_selfmodel.viz.figures.distribution_plot import distribution, error_set
 from nico_selfmodel.viz.figures.numbers_shown import decimals
 from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.page import Report, key_number
-from nico_selfmodel.viz.reports.residual_rows import pixels_csv
+from nico_selfmodel.viz.reports.pixel_rows import pixels_csv
 from nico_selfmodel.viz.reports.tables import Cell, Table, error_table, held_out, number_cell
 from nico_selfmodel.viz.scene.mirror_picture import Pictures
 from nico_selfmodel.viz.scene.mirror_scene import mirror_scene

@@ -12,7 +12,6 @@ from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.rgba import Rgba
 from nico_selfmodel.viz.live.drake_backend import static_html
 from nico_selfmodel.viz.reports import parts
-from nico_selfmodel.viz.reports.camera_gallery import Gallery
 from nico_selfmodel.viz.reports.residual_rows import RESIDUALS_FILE
 from nico_selfmodel.viz.scene.scene import SCENE_FILE, Scene
 from nico_selfmodel.viz.scene.surroundings import NIGHT_SCRIPT
@@ -20,7 +19,7 @@ from nico_selfmodel.viz.scene.surroundings import NIGHT_SCRIPT
 REPORT_FILE = "report.html"
 _PARTS = (
     *(parts.Section, parts.Text, parts.Bullets, parts.Numbers, parts.Drawing, parts.Tiles),
-    *(parts.Stage, parts.Beside, parts.Folded, Gallery),
+    *(parts.Stage, parts.Beside, parts.Folded, parts.Gallery),
 )
 """What `parts.html.j2` has a template for."""
 _MEANING = {
@@ -208,7 +207,7 @@ def _base64(text: str) -> str:
 def _viewer(scene: Scene) -> str:
     """Return the interactive scene as a page of its own, dark where the reader's pages are."""
     page = static_html(scene).replace("</body>", f"<script>{_DARK_SCENE}</script></body>")
-    packed = base64.b64encode(gzip.compress(page.encode(), 6, mtime=0)).decode()
+    packed = base64.b64encode(gzip.compress(page.encode(), 5, mtime=0)).decode()
     return f"<!doctype html><script>{_UNPACK.replace('PACKED', packed)}</script>"
 
 

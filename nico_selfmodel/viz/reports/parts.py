@@ -87,6 +87,52 @@ class Stage:
     scene: Scene
 
 
+@dataclass(frozen=True)
+class Thumbnail:
+    """One photograph with its corners."""
+
+    file: str
+    """Name of the photograph."""
+    color: str
+    """Of the camera."""
+    rms: float | None
+    """Of its corners [px]."""
+    note: str
+    """What was tried in vain; empty where the board was found."""
+    uri: str | None
+    """The photograph; None where it was not kept."""
+    covered: tuple[int, int]
+    """Width and height of what the small photograph shows [px]."""
+    crosses: str
+    """The corners as an SVG path."""
+    row: str
+    """The first row of corners as an SVG path, so that their order shows."""
+    far: tuple[tuple[float, float], ...]
+    """Corners that fit far worse than the others [px]."""
+    stroke: float
+    """Width of its lines [px]."""
+
+
+@dataclass(frozen=True)
+class GalleryRow:
+    """One view: its cameras side by side."""
+
+    name: str
+    """Of the view."""
+    use: str
+    """What it was used for, of `camera_views.USES`."""
+    pictures: tuple[Thumbnail, ...]
+    """One a camera."""
+
+
+@dataclass(frozen=True)
+class Gallery:
+    """Photographs as a part of a report."""
+
+    rows: tuple[GalleryRow, ...]
+    """One a view."""
+
+
 @dataclass(frozen=True, eq=False)
 class Beside:
     """Parts side by side, where there is room."""

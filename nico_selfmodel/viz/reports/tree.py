@@ -1,19 +1,21 @@
 """The report on a body learned from any sensors."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
+from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.bending_section import bending_section
 from nico_selfmodel.viz.reports.page import Report, headline_quantity, key_number, telling_set
 from nico_selfmodel.viz.reports.parameter_tables import ParameterTables
-from nico_selfmodel.viz.reports.residual_rows import tree_csv
+from nico_selfmodel.viz.reports.residual_rows import Held, Rows, csv_of, flag
 from nico_selfmodel.viz.reports.tables import Cell, Table, error_table, held_out, number_cell
 from nico_selfmodel.viz.reports.updates import about_update, told_by_update
 from nico_selfmodel.viz.scene.tree_scene import tree_scene
@@ -25,6 +27,7 @@ _QUANTITIES = (
      "body expects it, each camera counted by itself."),
 )  # fmt: skip
 
+_RESIDUAL_HEADINGS = ("set", "sample", "sensor", "marker", "outlier", "error", "unit")
 _ABOUT = "What was learned of a body from all that any sensors measured of it"
 
 
@@ -72,7 +75,7 @@ def tree_report(calibration: TreeCalibration, document: Mapping[str, Any]) -> Re
             *((_zeros(document), *told_by_update(document)) if anew else ()),
             *_learned(calibration, document),
         ),
-        tree_csv(sets),
+        _residuals_csv(sets),
     )
 
 
@@ -277,3 +280,25 @@ def _provenance(calibration: TreeCalibration, document: Mapping[str, Any]) -> pa
         "scale held by": document["scale_from"] or "nothing",
     }
     return shared_sections.provenance_section(document, found)
+
+
+def _residuals_csv(sets: Iterable[Held]) -> str:
+    """Return the length of every observation's residual as CSV, one row each.
+
+    Args:
+        sets: Of `TreeErrors`; those that are None are left out.
+    """
+    return csv_of(
+        _RESIDUAL_HEADINGS, (row for one in sets if one[1] for row in _residual_rows(*one))
+    )
+
+
+def _residual_rows(name: str, found: TreeErrors, outliers: NDArray | None) -> Rows:
+    data = found.observations.data
+    table, samples = data.observations, [*data.sample.tolist(), ""]
+    for i, error in enumerate(found.by_row().tolist()):
+        sensor = data.sensors[table.sensor[i]]
+        in_images = sensor.kind == CAMERA
+        size, unit = (error, "px") if in_images else (1e3 * error, "mm")
+        marker = data.markers[table.marker[i]].name
+        yield name, samples[table.pose[i]], sensor.name, marker, flag(outliers, i), size, unit

@@ -19,7 +19,8 @@ from nico_selfmodel.viz.figures.health_plot import health_plot
 from nico_selfmodel.viz.figures.numbers_shown import signed
 from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.page import Report, headline_quantity, key_number, telling_set
-from nico_selfmodel.viz.reports.residual_rows import pixels_csv, points_csv
+from nico_selfmodel.viz.reports.pixel_rows import pixels_csv
+from nico_selfmodel.viz.reports.residual_rows import points_csv
 from nico_selfmodel.viz.reports.tables import Table, change_table, error_table, number_cell
 from nico_selfmodel.viz.scene.update_scene import update_scene
 

@@ -16,7 +16,7 @@ from matplotlib.backends.backend_svg import RendererSVG
 from matplotlib.figure import Figure
 from matplotlib.spines import Spine
 from matplotlib.text import Text
-from matplotlib.transforms import Bbox
+from matplotlib.transforms import Bbox, ScaledTranslation
 
 
 def measuring(figure: Figure) -> RendererBase:
@@ -89,17 +89,32 @@ def _beside(
     ticks = Bbox(reach)
     written = [text.get_window_extent(renderer) for text in _tick_labels(axis, across)]
     yield from (ticks, *written)
-    label = axis.label
-    if not (label.get_visible() and label.get_text()):
-        return
-    off = point * axis.labelpad
     ends = Bbox.union([ticks, *written]).get_points()
-    stands = ends[0, out] - off if low else ends[1, out] + off
-    place = list(label.get_position())
-    place[out] = (stands - inner.get_points()[0, out]) / (inner.height if out else inner.width)
-    axis.set_label_coords(*place)
-    box = label.get_window_extent(renderer)
-    yield _without_length(box, across) if for_layout else box
+    side = 0 if low else 1
+    off = abs(ends[side, out] - inner.get_points()[side, out]) + point * axis.labelpad
+    _fix_label(axis, out, side, (-off if low else off) / figure.dpi)
+    label = axis.label
+    if label.get_visible() and label.get_text():
+        box = label.get_window_extent(renderer)
+        yield _without_length(box, across) if for_layout else box
+
+
+def _fix_label(axis: Axis, out: int, side: int, off: float) -> None:
+    """Stand the label of an axis off its panel, wherever that moves to.
+
+    Args:
+        axis: It.
+        out: Direction in which it stands off, 0 for x, 1 for y.
+        side: 0 below or left of the panel, 1 above or right of it.
+        off: How far [inch].
+    """
+    figure = axis.get_figure(root=True)
+    assert figure is not None
+    assert axis.axes is not None
+    away = ScaledTranslation(*((0.0, off) if out else (off, 0.0)), figure.dpi_scale_trans)
+    place = list(axis.label.get_position())
+    place[out] = float(side)
+    axis.set_label_coords(*place, transform=axis.axes.transAxes + away)
 
 
 def _tick_labels(axis: Axis, across: int) -> list[Text]:

@@ -5,6 +5,8 @@ longer than drawing. The figures here are grids of equal panels, at most with a 
 their right, a headline above and a legend below them.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import RendererBase
@@ -13,7 +15,7 @@ from matplotlib.layout_engine import LayoutEngine
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
-from nico_selfmodel.viz.figures.layout.room_of_axes import bounds_in_points, bounds_of, measuring
+from nico_selfmodel.viz.figures.layout.room_of_axes import bounds_of, measuring
 
 _PAD, _HEADLINE = 0.06, 0.32
 """Room around each panel with its labels, and for a line of headline [inch]."""
@@ -36,10 +38,12 @@ class SinglePassLayout(LayoutEngine):
 
     def execute(self, fig: Figure) -> None:
         """Move the panels of a figure."""
-        self._move(fig, measuring(fig))
-        self.bounds = bounds_in_points(fig)
+        renderer = measuring(fig)
+        rooms = {axes: _labels(axes, renderer) for axes in fig.axes}
+        self._move(fig, rooms)
+        self.bounds = {axes: _reach(axes, room, renderer) for axes, room in rooms.items()}
 
-    def _move(self, fig: Figure, renderer: RendererBase) -> None:
+    def _move(self, fig: Figure, rooms: Mapping[Axes, NDArray]) -> None:
         panels = [axes for axes in fig.axes if axes.get_subplotspec() is not None]
         bars = [axes for axes in fig.axes if axes.get_subplotspec() is None]
         if not panels:
@@ -50,15 +54,17 @@ class SinglePassLayout(LayoutEngine):
         around = np.zeros((2, max(rows, columns), 2))  # of columns and of rows, low and high
         spans = [_span(axes) for axes in panels]
         for axes, (first, last) in zip(panels, spans, strict=True):
-            room = _labels(axes, renderer)
+            room = rooms[axes]
             for axis in (0, 1):
                 low, high = around[axis, first[axis], 0], around[axis, last[axis], 1]
                 around[axis, first[axis], 0] = max(low, room[axis, 0] + _PAD)
                 around[axis, last[axis], 1] = max(high, room[axis, 1] + _PAD)
         below = sum(one.get_window_extent().height / fig.dpi + _PAD for one in fig.legends)
-        beside = sum(_BAR + 2.0 * _PAD + _labels(bar, renderer)[0, 1] for bar in bars)
+        beside = sum(_BAR + 2.0 * _PAD + rooms[bar][0, 1] for bar in bars)
         width, height = fig.get_size_inches()
-        above = _HEADLINE * (1 + fig.get_suptitle().count("\n")) if fig.get_suptitle() else 0.0
+        written = [text for text in fig.texts if text.get_in_layout() and text.get_visible()]
+        shown = fig.get_suptitle() if written else ""
+        above = _HEADLINE * (1 + shown.count("\n")) if shown else _PAD
         x = _edges(around[0, :columns], 0.0, width - beside)
         y = _edges(around[1, :rows][:, ::-1], above, height - below)
         for axes, (first, last) in zip(panels, spans, strict=True):
@@ -84,6 +90,15 @@ def _labels(axes: Axes, renderer: RendererBase) -> NDArray:
     whole, inner = bounds_of(axes, renderer, for_layout=True), axes.get_window_extent()
     beside = (inner.x0 - whole.x0, whole.x1 - inner.x1)
     return np.maximum([beside, (inner.y0 - whole.y0, whole.y1 - inner.y1)], 0.0) / _dpi(axes)
+
+
+def _reach(axes: Axes, room: NDArray, renderer: RendererBase) -> Bbox:
+    """Return the bounds of a panel where it stands now, with all that is written about it [pt]."""
+    inner, inch = axes.get_window_extent().get_points(), _dpi(axes)
+    boxes = [Bbox(inner + inch * room.T * [[-1.0], [1.0]])]
+    written = (axes.title, axes.xaxis.label, axes.yaxis.label)
+    boxes += [text.get_window_extent(renderer) for text in written if text.get_text()]
+    return Bbox(72.0 / inch * Bbox.union(boxes).get_points())
 
 
 def _dpi(axes: Axes) -> float:
