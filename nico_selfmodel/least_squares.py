@@ -15,8 +15,8 @@ from nico_selfmodel.errors import ImpossibleModelError
 NormalEquations = tuple[float, NDArray, NDArray]
 """Cost f(x), gradient J'r and Gauss-Newton matrix J'J, with f = |r|^2 / 2."""
 
-Step = Callable[[NDArray, NDArray, NDArray, NDArray], NDArray | None]
-"""Maps Gauss-Newton matrix, gradient, damping and x to a step; None asks for more damping."""
+Step = Callable[[NDArray, NDArray, NDArray], NDArray | None]
+"""Maps Gauss-Newton matrix, gradient and damping to a step; None asks for more damping."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +76,7 @@ def levenberg_marquardt(
         start: First point. Shape (p,).
         max_iterations: Limit on evaluated steps.
         tolerance: Stop when a step is predicted to lower the cost by less than this fraction.
-        step: Replaces `damped_step`, called as (hessian, gradient, damping, x); returns None to
-            ask for more damping. For bounds and linear constraints.
+        step: Replaces `damped_step`, where variables are eliminated.
 
     Returns:
         The best point. `converged` is False when the limit ended the iteration.
@@ -93,9 +92,7 @@ def levenberg_marquardt(
     history, damping, growth = [cost], 1e-4, 2.0
     for iteration in range(1, max_iterations + 1):
         floor = np.where(scale > 0.0, scale, 1.0)
-        dx = step(hessian, gradient, damping * floor, x) if step else None
-        if step is None:
-            dx = damped_step(hessian, gradient, damping * floor)
+        dx = (step or damped_step)(hessian, gradient, damping * floor)
         if dx is None:
             damping, growth = damping * growth, 2.0 * growth
             continue

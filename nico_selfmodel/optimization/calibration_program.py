@@ -1,6 +1,6 @@
 """A MathematicalProgram of named variables and residual blocks with analytic derivatives."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,7 +48,7 @@ class _Term:
 
 
 class CalibrationProgram:
-    """Named decision variables, fixed ones, bounds, linear constraints, priors and residual blocks.
+    """Named decision variables, fixed ones, priors and residual blocks.
 
     `prog` is a genuine MathematicalProgram: SNOPT and IPOPT solve the very same problem as the
     Levenberg-Marquardt solver. It knows nothing of robots.
@@ -131,22 +131,6 @@ class CalibrationProgram:
         pin = self._fixed.pop(name, None)
         if pin is not None:
             self.prog.RemoveConstraint(pin)
-
-    def add_bounds(self, name: str, lower: float, upper: float) -> None:
-        """Keep a variable within bounds."""
-        variable = self._variables[self.index(name)]
-        self.prog.AddBoundingBoxConstraint(lower, upper, variable)
-
-    def add_linear_constraint(
-        self, coefficients: Mapping[str, float], lower: float, upper: float
-    ) -> None:
-        """Keep a weighted sum of variables within bounds; equal bounds make an equality."""
-        row = np.array([list(coefficients.values())], dtype=float)
-        variables = np.array([self._variables[self.index(name)] for name in coefficients])
-        if lower == upper:
-            self.prog.AddLinearEqualityConstraint(row, [lower], variables)
-        else:
-            self.prog.AddLinearConstraint(row, [lower], [upper], variables)
 
     def add_prior(self, name: str, mean: float, sigma: float) -> None:
         """Add ((x - mean) / sigma)^2 to the sum of squares.

@@ -1,12 +1,10 @@
 """Levenberg-Marquardt as a Drake solver."""
 
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.solvers import (
-    ClarabelSolver,
     ClpSolver,
     MathematicalProgram,
     MathematicalProgramResult,
@@ -41,10 +39,9 @@ class LeastSquaresProgram(Protocol):
 
 
 class LevenbergMarquardtSolver(SolverInterface):
-    """Solves the program of one `CalibrationProgram`; bounds and linear constraints are honoured.
+    """Solves the program of one `CalibrationProgram`.
 
-    Variables fixed by equal bounds are left out of the iteration. Where inequality bounds or
-    linear constraints are present, each step is a convex quadratic program.
+    Variables fixed by equal bounds are left out of the iteration.
     """
 
     def __init__(self, program: LeastSquaresProgram) -> None:
@@ -73,10 +70,12 @@ class LevenbergMarquardtSolver(SolverInterface):
         """Say why a program cannot be solved; empty if it can."""
         if prog is not self._program.prog:
             return "LevenbergMarquardtSolver solves only the program of its CalibrationProgram"
-        linear = [*prog.linear_constraints(), *prog.linear_equality_constraints()]
-        known = len(prog.bounding_box_constraints()) + len(linear)
+        lower, upper = bounds_of(prog)
+        known = len(prog.bounding_box_constraints())
         if len(prog.GetAllCosts()) > 1 or len(prog.GetAllConstraints()) > known:
-            return "LevenbergMarquardtSolver knows one cost, bounds and linear constraints only"
+            return "LevenbergMarquardtSolver knows one cost and fixed variables only"
+        if np.any((lower != upper) & (np.isfinite(lower) | np.isfinite(upper))):
+            return "LevenbergMarquardtSolver fixes variables, and knows no other bounds"
         return ""
 
     def Solve(  # noqa: D417
@@ -109,24 +108,16 @@ class LevenbergMarquardtSolver(SolverInterface):
             raise ValueError("the initial guess must be finite; set a start for every variable")
         options = _options(self.solver_id(), prog.solver_options(), solver_options)
         lower, upper = bounds_of(prog)
-        x = np.clip(x, lower, np.maximum(lower, upper))
         free = np.flatnonzero(lower < upper)
-        constraints = _Constraints.of(prog, lower, upper, free)
-        start = x[free] if constraints is None else constraints.nearest(x[free])
+        x = np.where(lower < upper, x, lower)
 
         def evaluate(y: NDArray) -> NormalEquations:
             x[free] = y
             cost, gradient, hessian = self._program.normal_equations(x)
             return cost, gradient[free], hessian[np.ix_(free, free)]
 
-        if start is None or np.any(lower > upper):
-            cost, _, hessian = evaluate(x[free])
-            self.last = LevenbergMarquardtResult(x[free], cost, hessian, 0, False, (cost,))
-            return _drake_result(prog, x, self.last, SolutionResult.kInfeasibleConstraints)
         step = _eliminating(self._program.own_variables, free)
-        if constraints is not None:
-            step = constraints.step
-        self.last = levenberg_marquardt(evaluate, start, step=step, **options)
+        self.last = levenberg_marquardt(evaluate, x[free], step=step, **options)
         x[free] = self.last.x
         solved = self.last.converged
         status = SolutionResult.kSolutionFound if solved else SolutionResult.kIterationLimit
@@ -139,7 +130,7 @@ def _eliminating(own: NDArray | None, free: NDArray) -> Step | None:
         return None
     places = np.searchsorted(free, own)
 
-    def step(hessian: NDArray, gradient: NDArray, damping: NDArray, _: NDArray) -> NDArray | None:
+    def step(hessian: NDArray, gradient: NDArray, damping: NDArray) -> NDArray | None:
         return eliminated_step(hessian, gradient, damping, places)
 
     return step
@@ -161,58 +152,6 @@ def _options(solver_id: SolverId, *sources: SolverOptions | None) -> dict[str, A
         if source is not None:
             found.update(source.options.get(solver_id.name(), {}))
     return {name: found[name] for name in ("max_iterations", "tolerance") if name in found}
-
-
-@dataclass(frozen=True, eq=False)
-class _Constraints:
-    """Bounds and linear constraints on the free variables, lower <= A y <= upper."""
-
-    matrix: NDArray
-    lower: NDArray
-    upper: NDArray
-
-    @classmethod
-    def of(
-        cls, prog: MathematicalProgram, lower: NDArray, upper: NDArray, free: NDArray
-    ) -> "_Constraints | None":
-        """Gather what constrains the free variables; None where nothing does."""
-        rows, lows, highs = [np.eye(len(free))], [lower[free]], [upper[free]]
-        held = np.setdiff1d(np.arange(prog.num_vars()), free)
-        for binding in [*prog.linear_constraints(), *prog.linear_equality_constraints()]:
-            matrix = np.zeros((binding.evaluator().num_constraints(), prog.num_vars()))
-            columns = prog.FindDecisionVariableIndices(binding.variables())
-            matrix[:, columns] = binding.evaluator().GetDenseA()
-            fixed = matrix[:, held] @ lower[held]
-            rows.append(matrix[:, free])
-            lows.append(binding.evaluator().lower_bound() - fixed)
-            highs.append(binding.evaluator().upper_bound() - fixed)
-        low, high = np.concatenate(lows), np.concatenate(highs)
-        bounded = np.isfinite(low) | np.isfinite(high)
-        if not bounded.any():
-            return None
-        return cls(np.vstack(rows)[bounded], low[bounded], high[bounded])
-
-    def nearest(self, y: NDArray) -> NDArray | None:
-        """Return the allowed point nearest to y; None where the constraints contradict."""
-        move = self._solve(np.eye(len(y)), np.zeros(len(y)), y)
-        return None if move is None else y + move
-
-    def step(
-        self, hessian: NDArray, gradient: NDArray, damping: NDArray, y: NDArray
-    ) -> NDArray | None:
-        """Return the damped Gauss-Newton step that stays allowed; None if there is none."""
-        return self._solve(hessian + np.diag(damping), gradient, y)
-
-    def _solve(self, hessian: NDArray, gradient: NDArray, y: NDArray) -> NDArray | None:
-        diagonal = np.diag(hessian)
-        size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-        qp = MathematicalProgram()
-        s = qp.NewContinuousVariables(len(y))
-        qp.AddQuadraticCost(hessian / np.outer(size, size), gradient / size, s, is_convex=True)
-        at = self.matrix @ y
-        qp.AddLinearConstraint(self.matrix / size, self.lower - at, self.upper - at, s)
-        solution = ClarabelSolver().Solve(qp)
-        return solution.GetSolution(s) / size if solution.is_success() else None
 
 
 def _drake_result(

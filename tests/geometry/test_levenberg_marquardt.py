@@ -127,7 +127,7 @@ def test_a_matrix_that_is_not_positive_gives_no_step():
 def test_a_step_of_the_callers_own_is_asked_again_with_more_damping():
     asked = []
 
-    def step(hessian, gradient, damping, x):
+    def step(hessian, gradient, damping):
         asked.append(damping.copy())
         return None if len(asked) < 4 else damped_step(hessian, gradient, damping)
 

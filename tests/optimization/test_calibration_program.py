@@ -1,4 +1,4 @@
-"""The program: names, pins, bounds, constraints, priors, and the derivatives of its cost."""
+"""The program: names, pins, priors, and the derivatives of its cost."""
 
 import numpy as np
 import pytest
@@ -53,9 +53,7 @@ def test_variables_that_make_no_sense_are_refused(decay, names, start, message):
     [
         lambda program: program.fix("wdith"),
         lambda program: program.release("wdith"),
-        lambda program: program.add_bounds("wdith", 0, 1),
         lambda program: program.add_prior("wdith", 0, 1),
-        lambda program: program.add_linear_constraint({"rate": 1.0, "wdith": 1.0}, 0, 1),
         lambda program: program.index("wdith"),
     ],
 )
@@ -93,56 +91,6 @@ def test_a_pin_without_a_value_holds_the_start_and_all_pins_leave_nothing_to_do(
     solution = decay.solve()
     assert solution.x.tolist() == [0.5, 0.1]
     assert solution.cost == pytest.approx(decay.normal_equations(decay.start)[0])
-
-
-def test_bounds_hold_at_the_solution_and_do_not_matter_inside(distance_to):
-    program = distance_to([2.0, -3.0, 0.5], [0.0, 0.0, 5.0])
-    program.add_bounds("x0", -1.0, 1.0)
-    program.add_bounds("x1", -np.inf, 4.0)
-    program.add_bounds("x2", 0.0, 1.0)  # the start lies outside
-    solution = program.solve()
-    assert solution.converged
-    assert solution.x == pytest.approx([1.0, -3.0, 0.5], abs=1e-6)
-    assert solution.x[0] <= 1.0
-
-
-@pytest.mark.parametrize("start", [(3.0, -2.0, 9.0), (0.0, 0.0, 0.0), (2.0, 2.0, 2.0)])
-def test_a_linear_equality_holds_from_any_start(distance_to, start):
-    program = distance_to([2.0, 2.0, 2.0], start)
-    program.add_linear_constraint({"x0": 1.0, "x1": 2.0}, 1.0, 1.0)
-    solution = program.solve()
-    assert solution.converged
-    # the foot of (2, 2) on x + 2 y = 1 is one unit along (1, 2)
-    assert solution.x == pytest.approx([1.0, 0.0, 2.0], abs=1e-6)
-
-
-@pytest.mark.parametrize("start", [(0.0, 0.0), (5.0, 5.0), (2.0, 2.0)])
-def test_a_linear_inequality_holds_from_any_start(distance_to, start):
-    program = distance_to([2.0, 2.0], start)
-    program.add_linear_constraint({"x0": 1.0, "x1": 1.0}, -10.0, 2.0)
-    program.add_linear_constraint({"x0": 1.0, "x1": -1.0}, -5.0, 5.0)
-    solution = program.solve()
-    assert solution.converged
-    assert solution.x == pytest.approx([1.0, 1.0], abs=1e-6)
-
-
-def test_constraints_know_what_is_pinned(distance_to):
-    program = distance_to([2.0, 2.0, 0.0], [0.5, 0.5, 0.5])
-    program.fix("x0", 3.0)
-    program.add_linear_constraint({"x0": 1.0, "x1": 1.0, "x2": 1.0}, 4.0, 4.0)
-    solution = program.solve()
-    assert solution.x == pytest.approx([3.0, 1.5, -0.5], abs=1e-6)
-
-
-def test_demands_that_contradict_each_other_give_no_solution(distance_to):
-    apart = distance_to([0.0, 0.0], [0.0, 0.0])
-    apart.add_linear_constraint({"x0": 1.0, "x1": 1.0}, 1.0, 1.0)
-    apart.add_linear_constraint({"x0": 1.0, "x1": 1.0}, 2.0, 2.0)
-    assert refuses(apart)
-    outside = distance_to([0.0, 0.0], [0.0, 0.0])
-    outside.add_bounds("x0", 0.0, 1.0)
-    outside.fix("x0", 5.0)
-    assert refuses(outside)
 
 
 @given(mean=st.floats(-3, 3), sigma=st.floats(0.01, 10.0))

@@ -178,14 +178,12 @@ def test_pinned_shared_variables_leave_each_observation_to_itself(block):
         assert solution.x[own] == pytest.approx(alone, abs=1e-6)
 
 
-@pytest.mark.parametrize("change", ["bound", "prior on its own", "weight zero"])
-def test_bounds_priors_and_weights_work_as_on_a_dense_block(block, change):
+@pytest.mark.parametrize("change", ["prior on its own", "weight zero"])
+def test_priors_and_weights_work_as_on_a_dense_block(block, change):
     solutions = []
     for each in (block, DenseBlock(block)):
         program = program_of(each)
-        if change == "bound":
-            program.add_bounds("rate", 0.0, 0.7)
-        elif change == "prior on its own":
+        if change == "prior on its own":
             program.add_prior("track_0.floor", 5.0, 0.1)
         else:
             program.set_loss(0, Loss(), np.array([0.0, 1.0, 1.0, 1.0, 1.0]))
