@@ -290,13 +290,9 @@ class CalibrationProgram:
         if solver not in SOLVERS:
             raise ValueError(f"no solver {solver!r}; there are {', '.join(SOLVERS)}")
         if solver == "lm":
-            lm = LevenbergMarquardtSolver(self)
-            options = SolverOptions()
-            options.SetOption(lm.solver_id(), "max_iterations", max_iterations)
-            options.SetOption(lm.solver_id(), "tolerance", tolerance)
-            x = lm.Solve(self.prog, None, options).get_x_val()
-            last = lm.last
-            assert last is not None
+            x, last = LevenbergMarquardtSolver(self).minimise(
+                self.prog, self.start, max_iterations=max_iterations, tolerance=tolerance
+            )
             return ProgramSolution(x, last.cost, last.converged, last.iterations, last.history)
         drake = SnoptSolver() if solver == "snopt" else IpoptSolver()
         options = SolverOptions()

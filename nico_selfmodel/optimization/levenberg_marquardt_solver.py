@@ -99,17 +99,37 @@ class LevenbergMarquardtSolver(SolverInterface):
         Raises:
             ValueError: If `prog` is another program or the guess is not finite.
         """
+        guess = prog.initial_guess() if initial_guess is None else initial_guess
+        options = _options(self.solver_id(), prog.solver_options(), solver_options)
+        x, outcome = self.minimise(prog, np.array(guess, dtype=float), **options)
+        found = outcome.converged
+        status = SolutionResult.kSolutionFound if found else SolutionResult.kIterationLimit
+        return _drake_result(prog, x, outcome, status)
+
+    def minimise(
+        self, prog: MathematicalProgram, guess: NDArray, **options: Any
+    ) -> tuple[NDArray, LevenbergMarquardtResult]:
+        """Minimise as `Solve` does, without a Drake result, which takes half a millisecond.
+
+        Args:
+            prog: The program of the `CalibrationProgram` given at construction.
+            guess: Start. Shape (p,).
+            options: `max_iterations`, `tolerance`.
+
+        Returns:
+            The solution, shape (p,), and how it was found.
+
+        Raises:
+            ValueError: If `prog` is another program or the guess is not finite.
+        """
         reason = self.ExplainUnsatisfiedProgramAttributes(prog)
         if reason:
             raise ValueError(reason)
-        guess = prog.initial_guess() if initial_guess is None else initial_guess
-        x = np.array(guess, dtype=float)
-        if not np.isfinite(x).all():
+        if not np.isfinite(guess).all():
             raise ValueError("the initial guess must be finite; set a start for every variable")
-        options = _options(self.solver_id(), prog.solver_options(), solver_options)
         lower, upper = bounds_of(prog)
         free = np.flatnonzero(lower < upper)
-        x = np.where(lower < upper, x, lower)
+        x = np.where(lower < upper, guess, lower)
 
         def evaluate(y: NDArray) -> NormalEquations:
             x[free] = y
@@ -119,9 +139,7 @@ class LevenbergMarquardtSolver(SolverInterface):
         step = _eliminating(self._program.own_variables, free)
         self.last = levenberg_marquardt(evaluate, x[free], step=step, **options)
         x[free] = self.last.x
-        solved = self.last.converged
-        status = SolutionResult.kSolutionFound if solved else SolutionResult.kIterationLimit
-        return _drake_result(prog, x, self.last, status)
+        return x, self.last
 
 
 def _eliminating(own: NDArray | None, free: NDArray) -> Step | None:
