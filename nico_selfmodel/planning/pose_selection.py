@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.errors import DataError, NotIdentifiableError
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.self_model import SelfModel
@@ -171,6 +172,7 @@ def _lever(model: SelfModel, marker: int) -> float:
     return float(np.sqrt(np.mean(np.sum(arms**2, axis=1)))) or 1.0
 
 
+@on_one_blas_thread
 def choose_poses(
     jacobians: NDArray,
     count: int,

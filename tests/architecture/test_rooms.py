@@ -13,6 +13,7 @@ ALLOWED = {
     "__init__": set(),
     "errors": set(),
     "arrays": {"numpy"},
+    "blas_threads": {"numpy", "threadpoolctl"},
     "parallel": {"distributed"},
     "progress": set(),
     "least_squares": {"numpy"},

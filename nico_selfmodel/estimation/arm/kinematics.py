@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.held_out import held_out_of
 from nico_selfmodel.estimation.arm.cross_validation import cross_validate
@@ -128,6 +129,7 @@ class KinematicCalibration:
         return arm_at(self.model.parameters, self.train.observations)
 
 
+@on_one_blas_thread
 def calibrate_kinematics(
     dataset: Dataset,
     *,

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.held_out import held_out_of
@@ -64,6 +65,7 @@ FEWEST_ROWS = 8
 """Poses seen by both cameras below which nothing is left to tell an error by."""
 
 
+@on_one_blas_thread
 def calibrate_body(
     dataset: Dataset,
     start: SelfModel,

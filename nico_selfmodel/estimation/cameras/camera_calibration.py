@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import ModelError, NotConvergedError, NotIdentifiableError
 from nico_selfmodel.estimation.cameras.camera_adjustment import Adjustment, CameraCalibration
@@ -35,6 +36,7 @@ _EQUIDISTANT = {"k1": 0.778, "k2": 0.068, "k4": 1.111, "k5": 0.238}
 """A rational lens to begin with where it is wide: atan(r) / r by Pade."""
 
 
+@on_one_blas_thread
 def calibrate_cameras(views: BoardViews, options: CameraOptions | None = None) -> CameraCalibration:
     """Calibrate the cameras that saw a board.
 

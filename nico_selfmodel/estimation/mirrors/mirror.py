@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.held_out import held_out_of
 from nico_selfmodel.errors import DataError, NotIdentifiableError
@@ -86,6 +87,7 @@ class MirrorCalibration:
         return ParameterCovariance((*known.names, *planes.names), matrix)
 
 
+@on_one_blas_thread
 def calibrate_mirrors(
     dataset: Dataset,
     model: SelfModel,

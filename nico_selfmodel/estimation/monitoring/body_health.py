@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import CAMERA
 from nico_selfmodel.errors import DataError, ModelError
@@ -32,6 +33,7 @@ _ABOUT = 100
 """Poses that a noise is taken to rest on where a body does not tell."""
 
 
+@on_one_blas_thread
 def check_body_health(model: BodyModel, data: BodyDataset) -> HealthReport:
     """Watch a body over new poses, in their order.
 

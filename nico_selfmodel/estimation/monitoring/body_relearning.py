@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import POSES
 from nico_selfmodel.errors import ContradictedError, DataError, ModelError
@@ -66,6 +67,7 @@ class BodyUpdate:
         return self.anew.found
 
 
+@on_one_blas_thread
 def relearn_body(model: BodyModel, data: BodyDataset, report: HealthReport) -> BodyUpdate:
     """Learn the likeliest cause anew from the poses since the change.
 
@@ -88,6 +90,7 @@ def relearn_body(model: BodyModel, data: BodyDataset, report: HealthReport) -> B
     return BodyUpdate("relearn", after, anew, before, seconds, cause=cause.cause, against=against)
 
 
+@on_one_blas_thread
 def rezero_body(
     model: BodyModel, data: BodyDataset, joints: Sequence[str] | None = None
 ) -> BodyUpdate:
@@ -130,6 +133,7 @@ def rezero_body(
     return BodyUpdate("rezero", after, found, before, seconds, lost, moved, against=against)
 
 
+@on_one_blas_thread
 def calibrate_body_tool(
     model: BodyModel, data: BodyDataset, *, tool: str | None = None, test: BodyDataset | None = None
 ) -> BodyUpdate:

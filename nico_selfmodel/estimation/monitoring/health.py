@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.estimation.monitoring.diagnosis import Diagnosis, diagnose
 from nico_selfmodel.estimation.monitoring.encoder_jumps import with_large_slips
@@ -79,6 +80,7 @@ class HealthReport:
         return self.changed_at is not None and len(self.nis) - self.changed_at >= ENOUGH
 
 
+@on_one_blas_thread
 def check_health(model: SelfModel, dataset: Dataset, sensor: str = "auto") -> HealthReport:
     """Watch a body over new poses, in their order.
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import ModelError, NotIdentifiableError
 from nico_selfmodel.estimation.monitoring.block_update import (
@@ -86,6 +87,7 @@ class Rezeroing:
     seconds: float
 
 
+@on_one_blas_thread
 def calibrate_tool(
     model: SelfModel,
     dataset: Dataset,
@@ -153,6 +155,7 @@ def calibrate_tool(
     )
 
 
+@on_one_blas_thread
 def rezero(
     model: SelfModel,
     dataset: Dataset,

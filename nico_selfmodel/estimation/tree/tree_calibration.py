@@ -8,6 +8,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.bending.ladder import Ladder, climb
@@ -119,6 +120,7 @@ class TreeCalibration:
         return at
 
 
+@on_one_blas_thread
 def calibrate_tree(
     data: BodyDataset,
     *,

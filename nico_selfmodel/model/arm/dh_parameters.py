@@ -47,9 +47,13 @@ class DhParameters:
         """Rotation vector of frame 0 in W [rad]. Shape (3,)."""
         return rotation_vector_of(self.table.X_W0[:3, :3]) if self.turn is None else self.turn
 
-    @cached_property
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of all parameters: 6 + 6 n + 3 m, and those of what bends."""
+        return self._names
+
+    @cached_property
+    def _names(self) -> tuple[str, ...]:
         joints = [f"{joint}.{part}" for joint in self.table.joints for part in JOINT_PARTS]
         hands = [f"hand.{marker}.{axis}" for marker in self.table.markers for axis in "xyz"]
         bent = () if self.bending is None else self.bending.names

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.estimation.results.unobservable_words import name_unobservable
@@ -78,6 +79,7 @@ class LearnedAnew:
         )
 
 
+@on_one_blas_thread
 def learn_anew(
     model: BodyModel,
     tree: BodyTree,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.results.provenance import package_versions
@@ -31,6 +32,7 @@ class BodyMirrors:
     """The body with the mirrors, and what is known of both together."""
 
 
+@on_one_blas_thread
 def calibrate_body_mirrors(
     data: BodyDataset,
     model: BodyModel,
