@@ -69,10 +69,11 @@ def _mirrors(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         test = entry["flatness"]
         flat = "not tested for flatness" if test is None else "flat" if test["flat"] else "not flat"
         start = entry.get("distance_from", "the left camera")
+        sigma = entry["normal_sigma_deg"]
+        known = "normal not known" if sigma is None else f"normal to {sigma:.2f} deg"
         yield (
             f"mirror {name}",
-            f"{entry['poses']} poses, {entry['distance_mm']:.0f} mm from {start}, normal to "
-            f"{entry['normal_sigma_deg']:.2f} deg, {flat}",
+            f"{entry['poses']} poses, {entry['distance_mm']:.0f} mm from {start}, {known}, {flat}",
         )
 
 
