@@ -30,6 +30,11 @@ def _noise(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "noise of a joint, standard deviation", joints
     if "scale_from" in document:
         yield "scale held by", document["scale_from"] or "nothing"
+    off = document.get("description_off")
+    if off:
+        said = "as the data tell" if off["learned"] else "as was stated"
+        sigmas = f"{off['turn_sigma_deg']:.2g} deg, {off['shift_sigma_mm']:.2g} mm"
+        yield "each part of a described frame is off by", f"{sigmas} (standard deviation, {said})"
 
 
 def _workspace(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

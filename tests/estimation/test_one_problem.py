@@ -54,7 +54,8 @@ def error_mm(learned, true, seed=0):
 def floor_of(calibration, data, true):
     """The same adjustment started at the truth."""
     residuals = TreeResiduals(TreeObservations.of(data), TreeParameters(true))
-    problem = TreeProblem(residuals, calibration.setup.free, calibration.setup.priors)
+    setup = calibration.setup
+    problem = TreeProblem(residuals, setup.free, setup.priors, alike=setup.alike)
     return problem.refine(residuals.parameters.values_of(true))
 
 
@@ -212,7 +213,8 @@ def test_one_camera_and_ten_poses_are_enough_for_a_robot_that_is_described(seed)
     description = described(one, seed, 0.5, 1.0)
     found = calibrate_tree(data, description=description)
     residuals = TreeResiduals(TreeObservations.of(data), found.parameters)
-    problem = TreeProblem(residuals, found.setup.free, found.setup.priors)
+    setup = found.setup
+    problem = TreeProblem(residuals, setup.free, setup.priors, alike=setup.alike)
     floor = problem.refine(found.parameters.values_of(tree))
     assert found.solution.cost == pytest.approx(floor.cost, rel=1e-4)
 

@@ -246,7 +246,10 @@ def _finished(
             f"data set {data.name!r} has {residuals.observations.scalars} numbers for "
             f"{len(setup.free)} parameters: record more poses, or fix parameters"
         )
-    problem = TreeProblem(residuals, setup.free, setup.priors, noise, noise_known=noise is not None)
+    known = noise is not None
+    problem = TreeProblem(
+        residuals, setup.free, setup.priors, noise, noise_known=known, alike=setup.alike
+    )
     ladder = bends(problem, problem.refine(start.values))
     problem, solution = ladder.solution.problem, ladder.solution.solution
     residuals = problem.residuals

@@ -192,6 +192,7 @@ def _details(calibration: TreeCalibration) -> dict[str, Any]:
         "joints": _joints(calibration),
         **_mirrors(calibration),
         "described": None if described is None else errors_of_tree(described).to_json(),
+        "description_off": _description_off(calibration),
         "changes": _changes(calibration),
         "bending": bending_json(
             calibration.ladder, calibration.tree.bending, calibration.at, calibration.tree.joints
@@ -252,6 +253,22 @@ def _axes(X_PJ: NDArray, both: bool) -> dict[str, float | None]:
     apart = abs(float(p @ normal)) / sine if sine > 1e-6 else float(np.hypot(p[0], p[1]))
     angle = float(np.degrees(np.arctan2(sine, z[2])))
     return {"axis_angle_deg": angle, "axis_distance_mm": 1e3 * apart}
+
+
+def _description_off(calibration: TreeCalibration) -> dict[str, Any] | None:
+    """Return how far frames of a description are off, by the priors that the solution has."""
+    description = calibration.description
+    if description is None:
+        return None
+    priors = calibration.ladder.solution.problem.priors
+    sigmas = [description.turn_sigma, description.shift_sigma]
+    for k, alike in enumerate(calibration.setup.alike):
+        sigmas[k] = next((priors[name][1] for name in alike.names if name in priors), sigmas[k])
+    return {
+        "turn_sigma_deg": float(np.degrees(sigmas[0])),
+        "shift_sigma_mm": 1e3 * sigmas[1],
+        "learned": bool(calibration.setup.alike),
+    }
 
 
 def _changes(calibration: TreeCalibration) -> dict[str, Any]:
