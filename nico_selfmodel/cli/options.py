@@ -199,6 +199,15 @@ PixelSigma = Annotated[
 
 # A robot's chain.
 Robot = Annotated[str | None, typer.Option("--robot", help="A robot's name (nico) or a URDF file.")]
+RobotSigma = Annotated[
+    str | None,
+    typer.Option(
+        "--robot-sigma",
+        metavar="DEG,MM",
+        help="What each part of a described joint frame's turn and place is off by (standard "
+        "deviations); the data tell it if omitted.",
+    ),
+]
 Arm = Annotated[
     str | None, typer.Option("--arm", help="A named arm of the robot: right_arm, left_arm, neck.")
 ]

@@ -30,6 +30,11 @@ def _noise(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "noise of a joint, standard deviation", joints
     if "scale_from" in document:
         yield "scale held by", document["scale_from"] or "nothing"
+    off = document.get("description_off")
+    if off:
+        said = "as the data tell" if off["learned"] else "as was stated"
+        sigmas = f"{off['turn_sigma_deg']:.2g} deg, {off['shift_sigma_mm']:.2g} mm"
+        yield "each part of a described frame is off by", f"{sigmas} (standard deviation, {said})"
 
 
 def _workspace(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -69,10 +74,11 @@ def _mirrors(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         test = entry["flatness"]
         flat = "not tested for flatness" if test is None else "flat" if test["flat"] else "not flat"
         start = entry.get("distance_from", "the left camera")
+        sigma = entry["normal_sigma_deg"]
+        known = "normal not known" if sigma is None else f"normal to {sigma:.2f} deg"
         yield (
             f"mirror {name}",
-            f"{entry['poses']} poses, {entry['distance_mm']:.0f} mm from {start}, normal to "
-            f"{entry['normal_sigma_deg']:.2f} deg, {flat}",
+            f"{entry['poses']} poses, {entry['distance_mm']:.0f} mm from {start}, {known}, {flat}",
         )
 
 

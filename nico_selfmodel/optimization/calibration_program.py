@@ -19,6 +19,7 @@ from nico_selfmodel.optimization.levenberg_marquardt_solver import (
 from nico_selfmodel.optimization.losses import Loss
 from nico_selfmodel.optimization.residual_block import ResidualBlock, SummedBlock
 from nico_selfmodel.optimization.separable_block import SeparableBlock, shared_information
+from nico_selfmodel.optimization.uncertainty import covariance_told_by
 
 SOLVERS = ("lm", "snopt", "ipopt")
 
@@ -186,12 +187,8 @@ class CalibrationProgram:
             return None
         jacobian = term.block.evaluate(np.asarray(x)[term.columns])[1]
         known, information = self._information_of(term.columns, x)
-        # Units differ by orders of magnitude: what is singular must not depend on them.
-        size = np.sqrt(np.maximum(np.diag(information), 0.0))
-        unit = np.where(size > 0.0, size, 1.0)
-        units = np.outer(unit, unit)
         inverse = np.zeros((len(x), len(x)))
-        inverse[np.ix_(known, known)] = np.linalg.pinv(information / units, hermitian=True) / units
+        inverse[np.ix_(known, known)] = covariance_told_by(information)
         J = jacobian.transpose(2, 1, 0)
         return J @ inverse[np.ix_(term.columns, term.columns)] @ J.transpose(0, 2, 1)
 

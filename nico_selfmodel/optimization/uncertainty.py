@@ -1,7 +1,7 @@
 """How well a solution is known: covariance, correlations, rank, unobservable directions."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,14 @@ from numpy.typing import NDArray
 UNOBSERVABLE_SIGMA = 0.3
 """A direction is called unobservable where its standard deviation exceeds this fraction of the
 parameter scale (1 rad, the size of the body, the gear itself): the estimate says nothing then."""
+UNKNOWN_SIGMA = 30.0
+"""Most that a covariance lets a parameter be off along one direction, in natural units: where
+nothing determines it, too. Finite, so that covariances can be added and inverted, but far beyond
+what is known."""
+_TOLD = 1e-11
+"""Information on scaled parameters, of the largest, that counts as that of what is not told."""
+_NO_PART = 1e-6
+"""Share in what nothing determines below which it is rounding."""
 
 
 _PRIORS = 5.0
@@ -51,7 +59,8 @@ class Uncertainty:
     names: tuple[str, ...]
     """Free parameters. Length k."""
     covariance: NDArray
-    """Of the identifiable part; unobservable directions are left out of it. Shape (k, k)."""
+    """Along what nothing determines it has `UNKNOWN_SIGMA`: whoever adds, inverts or predicts by it
+    takes nothing for known that is not. Shape (k, k)."""
     sigma: NDArray
     """Standard deviations of the parameters; inf for those named in an unobservable direction, or
     that take any part in one that nothing determines. Shape (k,)."""
@@ -65,22 +74,59 @@ class Uncertainty:
     """Unobservable directions, the worst first."""
     equations: int = 0
     """Number of residuals that carried weight, priors among them; 0 where nobody counted."""
+    open_ways: NDArray = field(default_factory=lambda: np.zeros((0, 0)))
+    """Changes of the parameters that nothing determines, each as large as `covariance` has it.
+    Shape (e, k)."""
 
     @property
     def correlation(self) -> NDArray:
-        """Correlations of the identifiable part. Shape (k, k)."""
+        """Correlations of the parameters. Shape (k, k)."""
         sigma = np.sqrt(np.maximum(np.diag(self.covariance), np.finfo(float).tiny))
         return self.covariance / np.outer(sigma, sigma)
 
-    def with_unobservable(self, names: tuple[str, ...]) -> "Uncertainty":
-        """Return the same with parameters unobservable for a reason the Jacobian cannot see."""
-        share = np.full(len(names), len(names) ** -0.5)
+    def sigma_of(self, slope: NDArray) -> float:
+        """Return the standard deviation of what follows from the parameters.
+
+        Args:
+            slope: Its derivatives by the parameters. Shape (k,).
+
+        Returns:
+            inf where what nothing determines has a part in it.
+        """
+        for way in self.open_ways:
+            if abs(float(way @ slope)) > _NO_PART * float(np.abs(way) @ np.abs(slope)):
+                return np.inf
+        return float(np.sqrt(max(float(slope @ self.covariance @ slope), 0.0)))
+
+    def doubted(self, ways: NDArray) -> "Uncertainty":
+        """Return the same with changes that nothing determines for a reason no Jacobian sees.
+
+        Args:
+            ways: The changes, as large as they may be. Shape (e, k).
+        """
         return replace(
             self,
-            sigma=np.where(np.isin(self.names, names), np.inf, self.sigma),
-            rank=self.rank - 1,
-            unobservable=(*self.unobservable, UnobservableDirection(names, share, np.inf)),
+            covariance=self.covariance + ways.T @ ways,
+            sigma=np.where((ways != 0.0).any(axis=0), np.inf, self.sigma),
+            open_ways=np.vstack([self.open_ways.reshape(-1, len(self.names)), ways]),
         )
+
+    def with_unobservable(self, names: tuple[str, ...], natural: NDArray) -> "Uncertainty":
+        """Return the same with parameters unobservable for a reason the Jacobian cannot see.
+
+        They are one more unobservable direction, where no other names one of them.
+
+        Args:
+            names: Which.
+            natural: Natural scale of each parameter; so far these may be off. Shape (k,).
+        """
+        own = [self.names.index(name) for name in names]
+        found = self.doubted(np.diag(natural)[own])
+        if any(set(names) & set(direction.names) for direction in self.unobservable):
+            return found
+        share = np.full(len(names), len(names) ** -0.5)
+        direction = UnobservableDirection(names, share, np.inf)
+        return replace(found, rank=self.rank - 1, unobservable=(*self.unobservable, direction))
 
     @classmethod
     def from_jacobian(
@@ -112,25 +158,40 @@ class Uncertainty:
         _, values, vt = np.linalg.svd(triangle, full_matrices=True)
         values = np.concatenate([values, np.zeros(len(names) - len(values))])
         exact = values <= 1e-12 * max(values[0], 1e-300)
-        sigma = np.where(exact, np.inf, spread / np.where(exact, 1.0, values))
+        least = np.where(exact, 1.0, values)
+        sigma = np.where(exact, np.inf, spread / least)
         unobservable = exact | (sigma > UNOBSERVABLE_SIGMA)
-        kept = vt[~unobservable] * sigma[~unobservable, None] * natural
+        # A parameter with a small share in what nobody knows is uncertain by that share.
+        most = UNKNOWN_SIGMA / np.abs(vt).max(axis=1)
+        root = vt * np.minimum(sigma, most)[:, None] * natural
         directions = [
             _unobservable_direction(names, vt[i], float(sigma[i]))
             for i in np.flatnonzero(unobservable)
         ]
-        lost = (np.abs(vt[exact]) > 1e-6).any(axis=0)
+        by_way = _by_way(vt, sigma, np.finfo(float).eps * values[0] / least)
+        lost = (by_way[sigma > most] > UNOBSERVABLE_SIGMA).any(axis=0)
         lost |= np.isin(names, [name for direction in directions for name in direction.names])
         return cls(
             names,
-            kept.T @ kept,
-            np.where(lost, np.inf, np.sqrt(np.sum(kept**2, axis=0))),
+            root.T @ root,
+            np.where(lost, np.inf, natural * np.sqrt(np.sum(by_way**2, axis=0))),
             float(factor),
             int(np.sum(~unobservable)),
             float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf,
             tuple(sorted(directions, key=lambda d: -d.sigma)),
             observations,
+            root[sigma > most],
         )
+
+
+def _by_way(vt: NDArray, sigma: NDArray, rounding: NDArray) -> NDArray:
+    """Return what each direction adds to the sigma of each parameter, in natural units. (k, k).
+
+    Rounding gives every parameter a share in what is as good as undetermined: it counts as none.
+    """
+    least = np.where(np.isinf(sigma), _NO_PART, 100.0 * rounding)
+    taking = np.abs(vt) > least[:, None]
+    return np.multiply(np.abs(vt), sigma[:, None], where=taking, out=np.zeros_like(vt))
 
 
 def _unobservable_direction(
@@ -140,6 +201,24 @@ def _unobservable_direction(
     order = np.argsort(-np.abs(vector))
     order = order[np.abs(vector[order]) > 0.2 * np.abs(vector).max()]
     return UnobservableDirection(tuple(names[i] for i in order), vector[order], sigma)
+
+
+def covariance_told_by(information: NDArray) -> NDArray:
+    """Return the inverse of an information; what it does not tell is as good as unknown.
+
+    Whoever leaves such directions out takes them for known.
+
+    Args:
+        information: H, in whatever units. Shape (k, k).
+
+    Returns:
+        Shape (k, k).
+    """
+    diagonal = np.diag(information)
+    unit = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    values, vectors = np.linalg.eigh(information / np.outer(unit, unit))
+    values = np.maximum(values, _TOLD * values.max(initial=1.0))
+    return (vectors / values) @ vectors.T / np.outer(unit, unit)
 
 
 def root_of(covariance: NDArray) -> NDArray:
@@ -157,5 +236,6 @@ def root_of(covariance: NDArray) -> NDArray:
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     size = np.where(sigma > 0.0, sigma, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
-    kept = values > 1e-12 * values.max(initial=np.finfo(float).tiny)
+    # What is known stands beside what nobody knows: a micrometre beside thirty metres is 1e-15.
+    kept = values > 1e-15 * values.max(initial=np.finfo(float).tiny)
     return size[:, None] * vectors[:, kept] * np.sqrt(values[kept])

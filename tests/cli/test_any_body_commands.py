@@ -240,6 +240,8 @@ def test_a_wrong_observation_is_refused_with_its_line(folder, tmp_path, command,
         (("--fix", "left1.x=0"), "left1.x can only be held against a robot description"),
         (("--prior", "left1.rx=0,0.1"), "left1.rx can only be held against a robot description"),
         (("--stage", "full", "--arm", "b"), "--stage, --arm would change nothing"),
+        (("--robot-sigma", "2,10"), "give --robot too"),
+        (("--robot", "nico", "--robot-sigma", "2"), "--robot-sigma 2 must be DEG,MM"),
         (("--test", "nowhere"), "nowhere: dataset.yaml is missing"),
     ],
 )

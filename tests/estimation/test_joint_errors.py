@@ -7,8 +7,8 @@ import pytest
 
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise, PoseWhitening
+from nico_selfmodel.estimation.tree.forward.joint_errors import joint_errors
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
-from nico_selfmodel.estimation.tree.joint_errors import joint_errors
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_errors import told_as
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations

@@ -104,8 +104,7 @@ def test_what_noise_may_do_to_a_baseline_is_no_wrong_square():
     calibration = calibrate_cameras(views, CameraOptions(loss="none"))
     apart = baseline(
         calibration.pair("cam0", "cam1").X_LR[:3, 3],
-        calibration.names,
-        calibration.uncertainty.covariance,
+        calibration.uncertainty,
         views.cameras,
     )
     away = calibration.cameras[1].X_WC.copy()

@@ -12,6 +12,7 @@ from nico_selfmodel.dataset.body.sensors import MarkerInfo, SensorInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.judging import judge, result_of
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
+from nico_selfmodel.estimation.tree.body_prediction import predict_body
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
@@ -53,7 +54,8 @@ def error_mm(learned, true, seed=0):
 def floor_of(calibration, data, true):
     """The same adjustment started at the truth."""
     residuals = TreeResiduals(TreeObservations.of(data), TreeParameters(true))
-    problem = TreeProblem(residuals, calibration.setup.free, calibration.setup.priors)
+    setup = calibration.setup
+    problem = TreeProblem(residuals, setup.free, setup.priors, alike=setup.alike)
     return problem.refine(residuals.parameters.values_of(true))
 
 
@@ -115,12 +117,25 @@ def test_mislabelled_tags_are_left_out_and_named():
 
 @pytest.mark.slow
 def test_a_scale_that_nothing_tells_is_named():
-    found = calibrate_tree(two_arms(0, torso=0, poses=40).data)
+    sim = two_arms(0, torso=0, poses=40)
+    found = calibrate_tree(sim.data)
     assert found.setup.scale_from is None
     assert result_of(found).unobservable[0].startswith("scale: nothing in the data tells lengths")
     assert judge(found).status == "FAIL"
     baseline = np.linalg.norm(found.tree.sensors[1].X_LA[:3, 3])
     assert 0.1 < baseline < 10.0
+    # No length is known, to nobody who uses the body either; what a camera sees of it is.
+    model, q = body_model(found), np.random.default_rng(1).uniform(-0.5, 0.5, (5, 12))
+    place = predict_body(model, q)
+    assert (place.sigma > 0.5 * np.linalg.norm(place.p_FM, axis=2) / np.sqrt(3.0)).all()
+    parameters = TreeParameters(model.tree)
+    linear = TreeResiduals(TreeObservations.of(sim.data), parameters).linear(parameters.start)
+    J = linear.J[[parameters.index[name] for name in model.covariance.names]]
+    known = np.sqrt(np.einsum("ir,ij,jr->r", J, model.covariance.matrix, J))
+    assert np.median(known) < 1.0  # px
+    lengths = [n for n in found.uncertainty.names if n.endswith((".x", ".y", ".z"))]
+    sigma = dict(zip(found.uncertainty.names, found.uncertainty.sigma, strict=True))
+    assert np.isinf([sigma[name] for name in lengths]).all()
 
 
 @pytest.mark.slow
@@ -198,7 +213,8 @@ def test_one_camera_and_ten_poses_are_enough_for_a_robot_that_is_described(seed)
     description = described(one, seed, 0.5, 1.0)
     found = calibrate_tree(data, description=description)
     residuals = TreeResiduals(TreeObservations.of(data), found.parameters)
-    problem = TreeProblem(residuals, found.setup.free, found.setup.priors)
+    setup = found.setup
+    problem = TreeProblem(residuals, setup.free, setup.priors, alike=setup.alike)
     floor = problem.refine(found.parameters.values_of(tree))
     assert found.solution.cost == pytest.approx(floor.cost, rel=1e-4)
 

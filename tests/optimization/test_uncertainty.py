@@ -6,7 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from nico_selfmodel.optimization.uncertainty import Uncertainty, root_of
+from nico_selfmodel.optimization.uncertainty import (
+    UNKNOWN_SIGMA,
+    Uncertainty,
+    covariance_told_by,
+    root_of,
+)
 
 NAMES = ("a", "b", "c", "d")
 
@@ -93,7 +98,7 @@ def test_a_direction_is_unobservable_where_its_sigma_reaches_the_natural_scale()
     assert unobservable.names == ("d",)
     assert unobservable.sigma == pytest.approx(0.5)
     assert np.isinf(found.sigma).tolist() == [False, False, False, True]
-    assert found.covariance[3, 3] == 0.0
+    assert found.covariance[3, 3] == pytest.approx(0.25)  # what is known is known, no better
     assert found.condition == pytest.approx(50.0)
     assert analyse(a, natural=[2.0] * 4, squared=4.0).rank == 4
     assert analyse(a * 10.0, natural=[1.0] * 4, squared=4.0).rank == 4
@@ -142,15 +147,86 @@ def test_a_small_share_of_what_nothing_determines_is_still_unknown():
     assert np.isinf(found.sigma).tolist() == [True, True, False, False]
 
 
+def test_what_nothing_determines_is_unknown_to_whoever_uses_the_covariance():
+    a = regression(4)
+    a[:, 3] = 2.0 * a[:, 0]
+    found = analyse(a, natural=[1.0, 2.0, 3.0, 0.5], squared=26.0)
+    way = np.array([2.0, 0.0, 0.0, -1.0])
+    # In natural units (1 and 0.5) it is as much a's as d's.
+    assert np.sqrt(found.covariance[0, 0]) == pytest.approx(UNKNOWN_SIGMA, rel=1e-3)
+    assert np.sqrt(found.covariance[3, 3]) == pytest.approx(UNKNOWN_SIGMA * 0.5, rel=1e-3)
+    # Inverted, it tells what the data tell, and of the open way that it is no larger than that.
+    information = np.linalg.inv(found.covariance)
+    seen = np.array([[1.0, 0.0, 0.0, 2.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+    assert seen @ information @ seen.T == pytest.approx(seen @ a.T @ a @ seen.T, rel=1e-3)
+    assert way @ information @ way == pytest.approx((2.0 / UNKNOWN_SIGMA) ** 2, rel=1e-3)
+    # What an observation adds afterwards is all that is known of it then.
+    along = np.outer(way, way) / (way @ way) / 0.01**2
+    after = np.linalg.inv(information + along)
+    assert np.sqrt(way @ after @ way / (way @ way)) == pytest.approx(0.01, rel=1e-2)
+
+
+def test_a_small_share_in_what_is_hardly_known_is_in_the_sigma():
+    turn = 0.05  # of `a` in a direction that is known to 2 natural units
+    basis = np.eye(4)
+    basis[0, [0, 3]] = np.cos(turn), -np.sin(turn)
+    basis[3, [0, 3]] = np.sin(turn), np.cos(turn)
+    a = np.vstack([np.diag([1e3, 1e3, 1e3, 0.5]) @ basis, np.zeros((4, 4))])
+    found = analyse(a, natural=[1.0] * 4, squared=4.0)
+    assert found.unobservable[0].names == ("d",)
+    assert found.sigma[0] == pytest.approx(2.0 * np.sin(turn), rel=1e-3)
+    assert found.sigma[0] == pytest.approx(np.sqrt(found.covariance[0, 0]))
+
+
+def test_a_share_in_what_is_as_good_as_undetermined_is_unknown():
+    share = 1e-3
+    basis = np.eye(4)
+    basis[0, [0, 3]] = np.sqrt(1.0 - share**2), -share
+    basis[3, [0, 3]] = share, np.sqrt(1.0 - share**2)
+    a = np.vstack([np.diag([1e3, 1e3, 1e3, 1e-4]) @ basis, np.zeros((4, 4))])
+    found = analyse(a, natural=[1.0] * 4, squared=4.0)
+    assert np.isinf(found.sigma).tolist() == [True, False, False, True]
+
+
+def test_what_follows_from_the_parameters_is_unknown_where_an_open_way_moves_it():
+    a = regression(4)
+    a[:, 3] = 2.0 * a[:, 0]
+    found = analyse(a, squared=26.0)
+    assert found.sigma_of(np.array([1.0, 0.0, 0.0, 0.0])) == np.inf
+    told = np.array([1.0, 0.0, 0.0, 2.0])  # what the data tell of the two
+    assert found.sigma_of(told) == pytest.approx(np.sqrt(told @ found.covariance @ told))
+    assert found.sigma_of(told) < 1.0
+
+
 def test_parameters_may_be_declared_unobservable_from_outside():
-    seen = analyse(regression(9))
-    found = seen.with_unobservable(("b", "d"))
+    seen, natural = analyse(regression(9)), np.array([1.0, 2.0, 3.0, 4.0])
+    found = seen.with_unobservable(("b", "d"), natural)
     assert np.isinf(found.sigma).tolist() == [False, True, False, True]
     assert found.sigma[[0, 2]].tolist() == seen.sigma[[0, 2]].tolist()
     assert found.rank == seen.rank - 1
     assert found.unobservable[-1].names == ("b", "d")
     assert np.linalg.norm(found.unobservable[-1].shares) == pytest.approx(1.0)
     assert seen.unobservable == ()
+    assert np.diag(found.covariance - seen.covariance) == pytest.approx([0.0, 4.0, 0.0, 16.0])
+    assert np.isinf([found.sigma_of(row) for row in np.eye(4)]).tolist() == [0, 1, 0, 1]
+    again = found.with_unobservable(("d",), natural)  # another direction names it already
+    assert len(again.unobservable) == 1
+    assert again.rank == found.rank
+
+
+def test_what_an_information_does_not_tell_is_no_part_of_what_is_known():
+    size = np.array([1.0, 1e3, 1e-3, 1.0])
+    told = np.random.default_rng(10).normal(size=(30, 3)) * size[:3]
+    rows = np.column_stack([told, np.zeros(30)])  # of the last parameter nothing
+    found = covariance_told_by(rows.T @ rows)
+    assert_allclose(found[:3, :3], np.linalg.inv(told.T @ told), rtol=1e-6)
+    assert found[3, 3] > 1e8
+    same = np.column_stack([told, told[:, 0]])  # of a sum, not of its parts
+    found = covariance_told_by(same.T @ same)
+    way = np.array([1.0, 0.0, 0.0, -1.0])
+    assert way @ found @ way > 1e6 * np.linalg.inv(told.T @ told)[0, 0]
+    added = np.array([1.0, 0.0, 0.0, 1.0])
+    assert added @ found @ added > 0.0
 
 
 def test_a_covariance_has_its_root_whatever_units_it_is_in():

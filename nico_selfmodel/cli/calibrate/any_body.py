@@ -1,5 +1,6 @@
 """What commands that learn do with a recording of any body."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -40,6 +41,7 @@ def calibrate(
     board: "AnyBoard | None" = None,
     effects: str = "auto",
     up: str | None = None,
+    robot_sigma: str | None = None,
 ) -> NoReturn:
     """Learn a body from poses and observations, and leave a result folder."""
     from nico_selfmodel.estimation.bending.what_bends import effects_of, up_of
@@ -47,13 +49,16 @@ def calibrate(
     from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
     from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
     from nico_selfmodel.estimation.tree.tree_result import body_model
-    from nico_selfmodel.estimation.tree.tree_setup import Wishes, priors_of
+    from nico_selfmodel.estimation.tree.tree_setup import Wishes, priors_of, robot_sigmas_of
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.result_folder.writing import write_result
 
     refuse_folder(out, force=force, inputs=[dataset, test, robot, cameras, boards])
     inputs.refuse_untested(require_test_mm, require_test_px, test, test_fraction)
     wishes = Wishes(FixedParameters.from_text(fix or (), free or ()), priors_of(prior or ()))
+    off = None if robot_sigma is None else robot_sigmas_of(robot_sigma)
+    if off is not None and robot is None:
+        raise ValueError("--robot-sigma says how far a description may be off: give --robot too")
     may_bend, vertical = effects_of(effects), up_of(up)
     train, held_out = _train_and_test(dataset, test, test_fraction, seed)
     lenses = _lenses(cameras, train)
@@ -61,7 +66,7 @@ def calibrate(
         if boards is not None and board is not None:
             train = _with_boards(train, boards, board, progress)
         progress("learning", 0, 1)
-        description = None if robot is None else _described(robot, train, lenses)
+        description = None if robot is None else _described(robot, train, lenses, off)
         found = calibrate_tree(
             train,
             test=held_out,
@@ -238,8 +243,13 @@ def _lenses(path: Path | None, data: "BodyDataset") -> "dict[str, Camera]":
     return lenses
 
 
-def _described(robot: str, data: "BodyDataset", lenses: "dict[str, Camera]") -> "Description":
-    """Return the robot as its description has it."""
+def _described(
+    robot: str,
+    data: "BodyDataset",
+    lenses: "dict[str, Camera]",
+    off: tuple[float, float] | None,
+) -> "Description":
+    """Return the robot as its description has it, and how far that is off where somebody said."""
     from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boards
     from nico_selfmodel.estimation.tree.tree_setup import Description, blank_body
     from nico_selfmodel.plant.described_body import described_body, described_masses
@@ -248,4 +258,7 @@ def _described(robot: str, data: "BodyDataset", lenses: "dict[str, Camera]") -> 
     urdf = find_robot(robot)
     told = {**lenses_by_boards(data, lenses)[0], **lenses}
     body = described_body(urdf, data.joints, blank_body(data, told))
-    return Description(body, masses=described_masses(urdf, body))
+    found = Description(body, masses=described_masses(urdf, body))
+    if off is None:
+        return found
+    return replace(found, turn_sigma=off[0], shift_sigma=off[1], learned=False)

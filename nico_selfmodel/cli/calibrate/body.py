@@ -13,7 +13,7 @@ _OF_TWO_CAMERAS = (
     "arm", "base", "tip", "hold", "point",
 )  # fmt: skip
 """Options for an arm and two cameras."""
-_OF_ANY_BODY = ("cameras", "prior")
+_OF_ANY_BODY = ("cameras", "prior", "robot_sigma")
 
 
 def body(
@@ -48,6 +48,7 @@ def body(
     up: options.Up = None,
     loss: options.Loss = "trimmed",
     robot: options.Robot = None,
+    robot_sigma: options.RobotSigma = None,
     arm: options.Arm = None,
     base: options.Base = None,
     tip: options.Tip = None,
@@ -78,6 +79,7 @@ def body(
             free=free,
             prior=prior,
             robot=robot,
+            robot_sigma=robot_sigma,
             cameras=cameras,
             boards=boards,
             board=inputs.board(board, square_mm, tag_mm, family),

@@ -70,7 +70,9 @@ def _cross_validated(calibration: KinematicCalibration) -> Errors:
         return Errors(errors)
     free = calibration.free_poses[inliers]
     rows = calibration.train.observations.select(inliers)
-    return Errors(errors, compared=rows.by_pose(errors, free if free.any() else ~free))
+    told = np.isfinite(errors)
+    free = free if free.any() else ~free
+    return Errors(errors[told], compared=rows.by_pose(errors, free & told))
 
 
 def _parameters(calibration: KinematicCalibration) -> dict[str, Parameter]:

@@ -14,6 +14,11 @@ from nico_selfmodel.model.arm.dh_parameters import DhParameters
 _LARGEST_STEP = 0.3
 """Change of the other poses' residuals, in their standard deviations, up to which one step does."""
 
+_TOLD = 1e-10
+"""Information without a fold, of the largest, below which nothing is told."""
+_SHIFT, _NO_PART = 1e-4, 1e-2
+"""How far what a fold alone tells is moved [rad or m], and the share of it that counts as none."""
+
 
 def cross_validate(observations: Observations, solved: ArmSolution, folds: int = FOLDS) -> NDArray:
     """Predict each pose by a model refined without its fold.
@@ -27,7 +32,8 @@ def cross_validate(observations: Observations, solved: ArmSolution, folds: int =
         folds: Number of folds.
 
     Returns:
-        Errors of the inlier rows [m]; empty where a fold would leave too few equations.
+        Errors of the inlier rows [m], nan where they depend on what their own fold alone tells;
+        empty where a fold would leave too few equations.
     """
     if solved.noise is None:
         return np.zeros(0)
@@ -46,7 +52,9 @@ def cross_validate(observations: Observations, solved: ArmSolution, folds: int =
     for k in range(folds):
         rest = sums.H[:k].sum(axis=0) + sums.H[k + 1 :].sum(axis=0) + known
         rest /= np.outer(size, size)
-        step = -np.linalg.lstsq(rest, sums.g[k] / size, 1e-10)[0]
+        information, vectors = np.linalg.eigh(rest)
+        told = information > _TOLD * information[-1]
+        step = (vectors[:, told] / information[told]) @ -(vectors[:, told].T @ (sums.g[k] / size))
         values = solved.parameters.values.copy()
         values[chosen] += step / size
         parameters = solved.parameters.with_values(values)
@@ -55,6 +63,12 @@ def cross_validate(observations: Observations, solved: ArmSolution, folds: int =
         left = inliers.select(fold == k)
         predicted = parameters.points(left.angles, left.marker, left.approach)
         errors[fold == k] = np.linalg.norm(predicted - left.p_WH, axis=1)
+        for way in (vectors[:, ~told] / size[:, None]).T:
+            moved = parameters.values.copy()
+            moved[chosen] += _SHIFT * way / np.abs(way).max()
+            there = parameters.with_values(moved).points(left.angles, left.marker, left.approach)
+            off = np.linalg.norm(there - predicted, axis=1) > _NO_PART * _SHIFT
+            errors[np.flatnonzero(fold == k)[off]] = np.nan
     return errors
 
 

@@ -27,7 +27,8 @@ def cross_validate_body(
         pixel_sigma: Standard deviation of a pixel [px].
 
     Returns:
-        Inlier rows beside predictions that never saw them; None with too few poses.
+        Inlier rows beside predictions that never saw them, without those that depend on what their
+        own fold alone tells; None with too few poses.
     """
     inliers = seen.pixels.select(~outliers)
     fold = fold_of(inliers.arm.pose)
@@ -42,7 +43,8 @@ def cross_validate_body(
     pixels = np.full(inliers.pixels.shape, np.nan)
     predicted, points = np.full((2, len(inliers), 3), np.nan)
     folds = without_folds(found.problem, found.solution, of_scalars)
-    for k, (_, values) in enumerate(folds):
+    alone, number = np.zeros(len(inliers), dtype=bool), np.flatnonzero(~outliers)
+    for k, (_, values, told) in enumerate(folds):
         rows = fold == k
         left = inliers.select(rows)
         arm = parameters.arm_of(values)
@@ -53,4 +55,7 @@ def cross_validate_body(
         p_LH = DhArm(left.arm, arm).evaluate(arm.values)[0].T
         pixels[rows], predicted[rows] = rig.project(p_LH), p_LH
         points[rows] = seen_points(left, rig, pixel_sigma)
-    return PixelEvaluation(inliers, pixels, predicted, points)
+        by_fold = seen.row[found.problem.observations.row[~told]]
+        alone |= rows & np.isin(number, by_fold)
+    evaluation = PixelEvaluation(inliers, pixels, predicted, points)
+    return evaluation.select(np.flatnonzero(~alone)) if alone.any() else evaluation

@@ -131,7 +131,7 @@ def body_parameters(calibration: BodyCalibration) -> dict[str, Parameter]:
     values = np.concatenate([arm.values, rig.values])
     names, units = (*arm.names, *rig.names), (*arm.units, *rig.units)
     table = parameter_table(names, values, units, sigma)
-    table["baseline"] = baseline(rig.X_LR[:3, 3], uncertainty.names, uncertainty.covariance)
+    table["baseline"] = baseline(rig.X_LR[:3, 3], uncertainty)
     return table | {name: Parameter(length, None, "m") for name, length in links_of(model)}
 
 

@@ -89,10 +89,8 @@ def camera_parameters(assessment: CameraAssessment) -> dict[str, Parameter]:
     table = parameter_table(names, rig_values(calibration.cameras), units, sigma)
     if len(cameras) != 2:
         return table
-    covariance = calibration.uncertainty.covariance
-    return table | {
-        "baseline": baseline(calibration.rig.X_LR[:3, 3], calibration.names, covariance, cameras)
-    }
+    apart = calibration.rig.X_LR[:3, 3]
+    return table | {"baseline": baseline(apart, calibration.uncertainty, cameras)}
 
 
 def _details(assessment: CameraAssessment) -> dict[str, Any]:
@@ -128,14 +126,13 @@ def _epipolar(assessment: CameraAssessment, pair: PairAccuracy) -> Errors:
 def _of_pair(assessment: CameraAssessment, pair: PairAccuracy) -> dict[str, Any]:
     """Return what `result.json` tells of two cameras of a larger rig."""
     calibration = assessment.calibration
-    covariance = calibration.uncertainty.covariance
     left, right = calibration.pair(*pair.cameras).cameras
     apart = right.X_WC[:3, 3] - left.X_WC[:3, 3]
     rebuilt = pair.reconstruction
     return {
         "cameras": list(pair.cameras),
         "boards": pair.boards,
-        "baseline": baseline(apart, calibration.names, covariance, pair.cameras).to_json(),
+        "baseline": baseline(apart, calibration.uncertainty, pair.cameras).to_json(),
         "epipolar_px": _epipolar(assessment, pair).to_json(),
         "reconstruction": rebuilt_block(rebuilt) if len(rebuilt.views) else None,
     }

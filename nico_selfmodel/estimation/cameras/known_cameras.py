@@ -92,9 +92,8 @@ def other_scale(known: KnownCameras, calibration: CameraCalibration) -> str | No
     )
     pairs = list(combinations(range(len(cameras)), 2))
     was = np.array([np.linalg.norm(before[j] - before[i]) for i, j in pairs])
-    covariance = calibration.uncertainty.covariance
     found = [
-        baseline(now[j] - now[i], calibration.names, covariance, (cameras[i], cameras[j]))
+        baseline(now[j] - now[i], calibration.uncertainty, (cameras[i], cameras[j]))
         for i, j in pairs
     ]
     sigmas = [one.sigma for one in found]

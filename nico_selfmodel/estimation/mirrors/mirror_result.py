@@ -13,6 +13,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     Errors,
     Parameter,
     Terms,
+    finite,
     parameter_table,
 )
 from nico_selfmodel.model.cameras.mirror import MIRROR_UNITS, Mirror, plane_of_values
@@ -93,12 +94,24 @@ def mirror_parameters(calibration: MirrorCalibration) -> dict[str, Parameter]:
     table: dict[str, Parameter] = {}
     for name, mirror in calibration.mirrors.items():
         table |= parameter_table(Mirror.names_of(name), mirror.values, MIRROR_UNITS, sigma)
-        slopes = plane_of_values(mirror.values)[1][:3]
-        covariance = np.zeros((3, 3)) if mirror.covariance is None else mirror.covariance
-        spread = np.sqrt(np.diag(slopes @ covariance @ slopes.T))
-        for axis, value, known in zip("xyz", mirror.normal.tolist(), spread.tolist(), strict=True):
-            table[f"mirror.{name}.normal_{axis}"] = Parameter(value, known, "1")
+        spread = normal_spread(calibration, name)
+        for axis, value, known in zip("xyz", mirror.normal.tolist(), spread, strict=True):
+            table[f"mirror.{name}.normal_{axis}"] = Parameter(value, finite(known), "1")
     return table
+
+
+def normal_spread(calibration: MirrorCalibration, name: str) -> list[float]:
+    """Return the standard deviations of a normal's x, y, z; inf where the data tell nothing of it.
+
+    Args:
+        calibration: What was learned.
+        name: Which mirror.
+    """
+    uncertainty = calibration.solution.uncertainty
+    own = [uncertainty.names.index(part) for part in Mirror.names_of(name)]
+    slopes = np.zeros((3, len(uncertainty.names)))
+    slopes[:, own] = plane_of_values(calibration.mirrors[name].values)[1][:3]
+    return [uncertainty.sigma_of(slope) for slope in slopes]
 
 
 def _mirror(calibration: MirrorCalibration, name: str) -> dict[str, Any]:
@@ -106,12 +119,12 @@ def _mirror(calibration: MirrorCalibration, name: str) -> dict[str, Any]:
     solution, mirror = calibration.solution, calibration.mirrors[name]
     rows = solution.reflections.mirror == solution.reflections.mirrors.index(name)
     inliers, test = rows & ~solution.outliers, calibration.flatness[name]
-    distances = solution.distances[inliers]
+    distances, spread = solution.distances[inliers], normal_spread(calibration, name)
     found: dict[str, Any] = {
         "rows": int(rows.sum()),
         "poses": int(np.unique(solution.reflections.pose[rows]).size),
         "distance_mm": 1e3 * mirror.distance,
-        "normal_sigma_deg": float(np.degrees(mirror.normal_sigma or 0.0)),
+        "normal_sigma_deg": finite(float(np.degrees(np.linalg.norm(spread)))),
         "hand_in_front_mm": [1e3 * float(f(solution.in_front_by[rows])) for f in (np.min, np.max)],
         "pixels": Errors(pixels=distances[np.isfinite(distances)], unit="px").to_json(),
         "start": {

@@ -198,9 +198,10 @@ def _uncertainty(
 ) -> tuple[Uncertainty, NDArray | None]:
     """Return the covariance of the planes: noise averages out over poses, the arm's errors do not.
 
-    With x = K r, K = (J'J)^-1 J': K (s^2 N + F F') K', N what is each row's own and F what is
-    shared by all rows, F = D C^1/2 with C the covariance of arm and cameras. The planes follow
-    their errors by - K D, so that - K F C^1/2' is their covariance with these.
+    With x = K r, K = C_0 J', C_0 = (J'J)^-1: s^2 C_0 + K (s^2 (N - 1) + F F') K', N what is each
+    row's own and F what is shared by all rows, F = D C^1/2 with C the covariance of arm and
+    cameras. The planes follow their errors by - K D, so that - K F C^1/2' is their covariance with
+    these. What of a plane nothing tells follows nothing, and C_0 has it.
     """
     r, jacobian = block.evaluate(x)
     rows = np.transpose(jacobian, (2, 1, 0))[inliers]
@@ -210,15 +211,18 @@ def _uncertainty(
     heights = [max(float(values[2]), 1e-3) for values in x.reshape(-1, 3)]
     natural = np.array([part for height in heights for part in (1.0, 1.0, height)])
     plain = Uncertainty.from_jacobian(block.names, stacked, natural, squares, counted)
-    if plain.unobservable or reflections.shared is None:
+    if reflections.shared is None:
         return plain, None
-    gain = np.linalg.solve(stacked.T @ stacked, stacked.T).reshape(len(x), *rows.shape[:2])
+    gain = plain.covariance / plain.variance_factor @ stacked.T
+    gain = gain.reshape(len(x), *rows.shape[:2])
     white, by_point = block.whitening, project_reflections(reflections, x).by_point
     own = white @ independent_covariance(reflections, by_point, noise) @ np.swapaxes(white, 1, 2)
     factor = shared_factor(reflections, x, by_point)
     assert factor is not None
     systematic = np.einsum("xnk,nkj->xj", gain, (white @ factor)[inliers])
-    covariance = np.einsum("xnk,nkl,ynl->xy", gain, own[inliers], gain) * plain.variance_factor
-    covariance = covariance + systematic @ systematic.T
-    found = replace(plain, covariance=covariance, sigma=np.sqrt(np.diag(covariance)))
+    own = own[inliers] - np.eye(rows.shape[1])
+    covariance = np.einsum("xnk,nkl,ynl->xy", gain, own, gain) * plain.variance_factor
+    covariance = plain.covariance + covariance + systematic @ systematic.T
+    sigma = np.where(np.isfinite(plain.sigma), np.sqrt(np.diag(covariance)), np.inf)
+    found = replace(plain, covariance=covariance, sigma=sigma)
     return found, -systematic @ reflections.shared.root.T

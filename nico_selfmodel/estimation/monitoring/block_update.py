@@ -253,9 +253,9 @@ class _GaussianPrior:
         self.names, self._mean = names, mean
         size = np.sqrt(np.diag(covariance))
         correlation = covariance / np.outer(size, size)
-        # Gauge and unobservable directions leave a correlation matrix singular to rounding.
+        # Beside what nobody knows all that is known has small eigenvalues, down to rounding.
         values, vectors = np.linalg.eigh(correlation)
-        values = np.maximum(values, 1e-10)
+        values = np.maximum(values, 1e-13)
         self._root = (vectors / np.sqrt(values)).T / size
         self.information = self._root.T @ self._root
 

@@ -187,13 +187,13 @@ def uncertainty_of(
         U = np.vstack([U, np.diag(np.sqrt(known))[known > 0.0]])
     found = Uncertainty.from_jacobian(names, U, scales, squares, count)
     levers = np.mean(np.sum(linear.by_angle**2, axis=1), axis=0)
-    return without_levers(found, parameters, free, coordinate_sigma(linear), levers)
+    return without_levers(found, parameters, scales, coordinate_sigma(linear), levers)
 
 
 def without_levers(
     found: Uncertainty,
     parameters: DhParameters,
-    free: frozenset[str],
+    natural: NDArray,
     sigma: float,
     levers: NDArray,
 ) -> Uncertainty:
@@ -202,20 +202,16 @@ def without_levers(
     Args:
         found: By the derivatives alone.
         parameters: The solution.
-        free: Parameters that were estimated.
+        natural: Natural scale of each parameter that was estimated. Shape (k,).
         sigma: Standard deviation of a coordinate, before its variance factor [m].
         levers: Mean square distance of the tracked points from each axis [m^2]. Shape (n,).
     """
     noise = sigma * (
         float(np.sqrt(found.variance_factor)) if np.isfinite(found.variance_factor) else 1.0
     )
+    free = frozenset(found.names)
     for unobservable in _levers_of_noise(np.sqrt(levers), parameters, free, noise):
-        if not any(set(unobservable) & set(direction.names) for direction in found.unobservable):
-            found = found.with_unobservable(unobservable)
-        else:
-            found = replace(
-                found, sigma=np.where(np.isin(found.names, unobservable), np.inf, found.sigma)
-            )
+        found = found.with_unobservable(unobservable, natural)
     return found
 
 

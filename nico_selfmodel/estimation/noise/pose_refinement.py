@@ -32,6 +32,7 @@ from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
 from nico_selfmodel.optimization.residual_block import ResidualBlock, SummedBlock
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
+from nico_selfmodel.optimization.uncertainty import covariance_told_by
 
 _LEAST_REDUNDANCY = 15
 """Equations, priors among them, more than parameters, below which two kinds of noise cannot be told
@@ -153,7 +154,7 @@ def conditional_distances(
     if covariance is None:
         U = linear.weights * linear.whitened(J)
         known = np.zeros(len(size)) if information is None else information / size**2
-        C = np.linalg.pinv(U.T @ U + np.diag(known), rcond=1e-10, hermitian=True)
+        C = covariance_told_by(U.T @ U + np.diag(known))
     else:
         C = covariance * np.outer(size, size)
     out = np.zeros(len(keep))

@@ -22,7 +22,7 @@ from nico_selfmodel.estimation.noise.pose_refinement import conditional_distance
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.results.folds import FOLDS, fold_of
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
-from nico_selfmodel.optimization.uncertainty import Uncertainty
+from nico_selfmodel.optimization.uncertainty import Uncertainty, covariance_told_by
 
 _PIECE = 4000
 """Rows that are linearised at once; their derivatives then fit in a processor's cache."""
@@ -55,7 +55,7 @@ def refine_on_all(observations: Observations, solved: ArmSolution, *, trim: bool
     sums = refinement.solve(~outliers)
     for _ in range(_TRIMS if trim else 0):
         H = sums.H.sum(axis=0) + np.diag(refinement.information)
-        found = refinement.outliers(outliers, _covariance(H))
+        found = refinement.outliers(outliers, covariance_told_by(H))
         if np.array_equal(found, outliers):
             break
         outliers = found
@@ -82,7 +82,7 @@ class _OnAll:
             known = self.information
             pull = pull_of(self.parameters, self.chosen, self.sample.priors)
             H, g = sums.H.sum(axis=0) + np.diag(known), sums.g.sum(axis=0) + known * pull
-            step = _covariance(H) @ g
+            step = covariance_told_by(H) @ g
             self.history.append(0.5 * sums.squares)
             self.converged = bool(step @ H @ step < _SETTLED)
             if self.converged:
@@ -123,7 +123,7 @@ class _OnAll:
             self.sample,
             parameters=replace(self.parameters, turn=None),
             outliers=outliers,
-            uncertainty=without_levers(found, self.parameters, self.free, sigma, sums.levers),
+            uncertainty=without_levers(found, self.parameters, scales, sigma, sums.levers),
             noise_sigma=sigma,
             converged=self.sample.converged and self.converged,
             iterations=self.sample.iterations + len(self.history),
@@ -136,13 +136,6 @@ def _root(H: NDArray) -> NDArray:
     size = np.sqrt(np.where(np.diag(H) > 0.0, np.diag(H), 1.0))
     values, vectors = np.linalg.eigh(H / np.outer(size, size))
     return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size
-
-
-def _covariance(H: NDArray) -> NDArray:
-    """Return the inverse; directions that nothing tells are left out."""
-    size = np.sqrt(np.where(np.diag(H) > 0.0, np.diag(H), 1.0))
-    units = np.outer(size, size)
-    return np.linalg.pinv(H / units, rcond=1e-10, hermitian=True) / units
 
 
 @dataclass(frozen=True, eq=False)

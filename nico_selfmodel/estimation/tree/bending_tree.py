@@ -276,7 +276,7 @@ class BendingTree:
         rigid = self.solution
         residuals = rigid.problem.residuals.about(posture.parameters)
         both = {**rigid.problem.priors, **priors}
-        problem = TreeProblem(residuals, frozenset(free), both, noise)
+        problem = TreeProblem(residuals, frozenset(free), both, noise, alike=rigid.problem.alike)
         return TreeBend(problem, problem.refine(posture.values, self.aside))
 
     def log_errors(self, posture: TreePosture) -> NDArray:

@@ -13,6 +13,7 @@ from nico_selfmodel.estimation.noise.pose_noise import PoseWhitening
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.optimization.chi_square import as_rare_as
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
+from nico_selfmodel.optimization.uncertainty import covariance_told_by
 
 SLIPPED_AT = 12.0
 """Chi square of one freedom beyond which a joint was read wrongly in a pose: 5 in 10^4 are."""
@@ -119,12 +120,8 @@ def _limit(k: int) -> float:
 
 
 def _covariance(whitening: PoseWhitening, Jg: NDArray, prior: NDArray) -> NDArray:
-    """Return C of the free parameters; directions that nothing tells are left out. (p, p)."""
-    H = Jg.T @ whitening.inverse(Jg) + np.diag(prior)
-    unit = np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
-    return np.linalg.pinv(H / np.outer(unit, unit), rcond=1e-11, hermitian=True) / np.outer(
-        unit, unit
-    )
+    """Return C of the free parameters, what nothing tells as good as unknown. (p, p)."""
+    return covariance_told_by(Jg.T @ whitening.inverse(Jg) + np.diag(prior))
 
 
 def _squares(matrix: NDArray, e: NDArray) -> NDArray:

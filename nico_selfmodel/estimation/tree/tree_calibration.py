@@ -248,7 +248,10 @@ def _finished(
             f"data set {data.name!r} has {residuals.observations.scalars} numbers for "
             f"{len(setup.free)} parameters: record more poses, or fix parameters"
         )
-    problem = TreeProblem(residuals, setup.free, setup.priors, noise, noise_known=noise is not None)
+    known = noise is not None
+    problem = TreeProblem(
+        residuals, setup.free, setup.priors, noise, noise_known=known, alike=setup.alike
+    )
     ladder = bends(problem, problem.refine(start.values))
     problem, solution = ladder.solution.problem, ladder.solution.solution
     residuals = problem.residuals
@@ -264,7 +267,7 @@ def _finished(
         setup,
         parameters,
         solution,
-        ladder.in_doubt(_uncertainty(problem, solution), ladder.solution.posture),
+        ladder.in_doubt(_uncertainty(problem, solution, setup), ladder.solution.posture),
         TreeErrors(residuals.observations, residuals.residuals(solution.values)),
         None if test is None else errors_of(tree, test),
         cross_validated(problem, solution, residuals),
@@ -297,8 +300,8 @@ def _as_described(problem: TreeProblem, solution: TreeSolution, seen: BodyDatase
     return errors_of(parameters.tree_of(placed), seen)
 
 
-def _uncertainty(problem: TreeProblem, solution: TreeSolution) -> Uncertainty:
-    """Return the covariance of what was free; a scale that nothing tells is named."""
+def _uncertainty(problem: TreeProblem, solution: TreeSolution, setup: TreeSetup) -> Uncertainty:
+    """Return the covariance of what was free; where nothing tells lengths, all are open as one."""
     parameters, values = problem.residuals.parameters.layout, solution.values
     data = problem.observations.data
     count, names = len(solution.whitened), problem.free_names
@@ -311,7 +314,10 @@ def _uncertainty(problem: TreeProblem, solution: TreeSolution) -> Uncertainty:
     bends = set(parameters.names[parameters.bends])
     held = {name: prior for name, prior in problem.priors.items() if name in bends}
     scales = scales_by_priors(names, scales, held)
-    return Uncertainty.from_jacobian(names, solution.whitened, scales, squares, count)
+    found = Uncertainty.from_jacobian(names, solution.whitened, scales, squares, count)
+    if setup.scale_from is not None:
+        return found
+    return found.doubted(parameters.by_scale(values)[None, problem.columns])
 
 
 def _size(tree: BodyTree, data: BodyDataset) -> float:

@@ -21,6 +21,11 @@ from nico_selfmodel.model.tree.body_tree import FREE, WORLD, Attached, BodyTree
 from nico_selfmodel.model.tree.free_joints import body_alone, with_free_joints
 from nico_selfmodel.names import listed
 
+_TOLD = 1e-11
+"""Information without a fold, of the largest, below which nothing is told."""
+_NO_PART = 1e-6
+"""Share of what a fold alone tells that is rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class TreeErrors:
@@ -144,23 +149,24 @@ def cross_validated(
         residuals: Of all observations.
 
     Returns:
-        nan where an observation is an outlier; None with too few poses for folds.
+        nan where an observation is an outlier, or depends on what its own fold alone tells; None
+        with too few poses for folds.
     """
     observations = residuals.observations
     pose = observations.pose
     if len(np.unique(pose)) < 2 * FOLDS:
         return None
     out = residuals.residuals(solution.values)
-    for left, values in without_folds(problem, solution, fold_of(pose)):
-        out[left] = residuals.residuals(values)[left]
+    for left, values, told in without_folds(problem, solution, fold_of(pose)):
+        out[left] = np.where(told, residuals.residuals(values), np.nan)[left]
     out[solution.outliers[observations.row]] = np.nan
     return TreeErrors(observations, out)
 
 
 def without_folds(
     problem: TreeProblem, solution: TreeSolution, fold: NDArray
-) -> Iterator[tuple[NDArray, NDArray]]:
-    """Yield what is left out, and the values that were learned without it.
+) -> Iterator[tuple[NDArray, NDArray, NDArray]]:
+    """Yield what is left out, the values that were learned without it, and what these tell of.
 
     One Gauss-Newton step from the solution, by the whitened rows that are left: the rest is small.
 
@@ -170,18 +176,31 @@ def without_folds(
         fold: Of each scalar, -1 of what is never left out. Shape (R,).
 
     Yields:
-        Scalars, boolean, shape (R,), and all values, shape (P,).
+        Scalars that are left out, boolean, shape (R,), all values, shape (P,), and scalars that
+        depend on nothing but what the other folds tell, boolean, shape (R,).
     """
     keep = ~solution.outliers[problem.observations.row]
     count = int(keep.sum())
     rows, prior = solution.whitened[:count], solution.whitened[count:]
     white, pull = solution.rest[:count], solution.rest[count:]
+    unit = np.sqrt(np.sum(solution.whitened**2, axis=0))
+    unit = np.where(unit > 0.0, unit, 1.0)
     for learn, left in splits(fold):
         mine = learn[keep]
         H = rows[mine].T @ rows[mine] + prior.T @ prior
         g = rows[mine].T @ white[mine] + prior.T @ pull
-        unit = np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
-        step = -np.linalg.lstsq(H / np.outer(unit, unit), g / unit, rcond=1e-11)[0] / unit
+        known, vectors = np.linalg.eigh(H / np.outer(unit, unit))
+        told = known > _TOLD * known[-1]
+        step = (vectors[:, told] / known[told]) @ (vectors[:, told].T @ (g / unit))
         values = solution.values.copy()
-        values[problem.columns] += step
-        yield left, values
+        values[problem.columns] -= step / unit
+        yield left, values, _told(problem, solution, vectors[:, ~told] / unit[:, None])
+
+
+def _told(problem: TreeProblem, solution: TreeSolution, open_ways: NDArray) -> NDArray:
+    """Return which scalars changes of what is free leave as they are. (p, e) -> boolean, (R,)."""
+    if not open_ways.shape[1]:
+        return np.ones(len(problem.observations.row), dtype=bool)
+    J = problem.linear_at(solution.values, problem.poses).J[problem.columns]
+    largest = np.abs(J).T @ np.abs(open_ways)
+    return np.asarray((np.abs(J.T @ open_ways) <= _NO_PART * largest).all(axis=1))

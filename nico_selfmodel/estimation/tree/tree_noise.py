@@ -13,9 +13,54 @@ from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
 from nico_selfmodel.model.tree.body_tree import WHOLE_POSES
+from nico_selfmodel.optimization.losses import Loss, robust_scale
 
+_FAR = 8.0
+"""Robust standard deviations of three coordinates beyond which nothing counts at first."""
 _LEAST_SHARE = 0.02
 """Part of the residuals below which a standard deviation counts as none."""
+
+
+def robust_weights(data: TreeObservations, r: NDArray) -> tuple[NDArray, float]:
+    """Return Cauchy's weights, by the median of each sensor, and a cost by which starts compare.
+
+    Args:
+        data: What was measured.
+        r: What a start leaves, in the sensors' standard deviations. Shape (R,).
+
+    Returns:
+        Of each scalar, shape (R,), and the sum of k log(scale) and rho.
+    """
+    squared = data.per_row(r * r)
+    weight, cost = np.ones(len(squared)), 0.0
+    for rows in data.sensors:
+        k = rows.measured.shape[1]
+        own = squared[rows.rows]
+        held = bool(data.sigma_held[data.noise_group[rows.first]])
+        scale = 1.0 if held else robust_scale(np.sqrt(own), k)
+        rho, w = Loss("cauchy", max(scale, 1e-9)).rho_and_weight(own, k)
+        weight[rows.rows] = w / scale**2
+        cost += float(rho.sum()) / scale**2 + 2.0 * k * len(own) * np.log(scale)
+    return weight[data.row], cost
+
+
+def standing_out(data: TreeObservations, r: NDArray) -> NDArray:
+    """Return observations that are far out at a start, by the median of their sensor.
+
+    Args:
+        data: What was measured.
+        r: What the start leaves, in the sensors' standard deviations. Shape (R,).
+
+    Returns:
+        Boolean, by row of the table. Shape (N,).
+    """
+    norms = np.sqrt(data.per_row(r * r))
+    out = np.zeros(len(norms), dtype=bool)
+    for rows in data.sensors:
+        k, own = rows.measured.shape[1], norms[rows.rows]
+        if not data.sigma_held[data.noise_group[rows.first]]:
+            out[rows.rows] = own > _FAR * np.sqrt(k / 3.0) * robust_scale(own, k)
+    return out
 
 
 def likeliest_noise(

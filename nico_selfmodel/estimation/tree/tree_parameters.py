@@ -319,6 +319,14 @@ class TreeParameters:
             out[np.ix_(own[3:], own[3:])] = back
         return out
 
+    def by_scale(self, values: NDArray) -> NDArray:
+        """Return derivatives by the logarithm of the body's size: no camera sees it. Shape (P,).
+
+        Args:
+            values: Of all parameters. Shape (P,).
+        """
+        return self.values_of(self.tree_of(values).scaled(2.0)) - values
+
     def line_of(self, joint: str) -> frozenset[str]:
         """Return the names of what a joint's own motion tells of it."""
         motion = self.base.motions[self.base.joints.index(joint)]

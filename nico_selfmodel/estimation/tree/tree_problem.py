@@ -6,7 +6,7 @@ is read wrongly by one joint in one pose (a slip) frees that joint there; what n
 the rest of its pose explains is an outlier.
 """
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.pose_noise import FREE_SIGMA, PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
+from nico_selfmodel.estimation.tree.forward.joint_errors import joint_errors
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
-from nico_selfmodel.estimation.tree.joint_errors import joint_errors
 from nico_selfmodel.estimation.tree.pose_tests import (
     check_that_some_agree,
     far_observations,
@@ -25,11 +25,22 @@ from nico_selfmodel.estimation.tree.pose_tests import (
     slipped_joints,
 )
 from nico_selfmodel.estimation.tree.tree_block import TreeBlock
-from nico_selfmodel.estimation.tree.tree_noise import likeliest_noise
+from nico_selfmodel.estimation.tree.tree_noise import (
+    likeliest_noise,
+    robust_weights,
+    standing_out,
+)
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_priors import (
+    are_alike,
+    information_of,
+    likeliest_priors,
+    prior_rows,
+)
+from nico_selfmodel.estimation.tree.tree_setup import Alike, Priors
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram
-from nico_selfmodel.optimization.losses import Loss, robust_scale
+from nico_selfmodel.optimization.losses import Loss
 
 _ROUNDS = 6
 """Of variances, outliers and solution."""
@@ -48,10 +59,11 @@ class TreeProblem:
         self,
         residuals: TreeResiduals,
         free: frozenset[str],
-        priors: Mapping[str, tuple[float, float]],
+        priors: Priors,
         noise: TreeNoise | None = None,
         *,
         noise_known: bool = False,
+        alike: Sequence[Alike] = (),
     ) -> None:
         """Prepare.
 
@@ -61,7 +73,9 @@ class TreeProblem:
             priors: Means and standard deviations of some of it.
             noise: Where its search begins; what the recording states if omitted.
             noise_known: Whether that is the noise, which few poses would not tell.
+            alike: Groups of parameters whose priors have one standard deviation, which is learned.
         """
+        self.alike = tuple(alike)
         self._noise_known = noise_known
         self.poses: NDArray | None = None
         """Whole poses at the last solution, where the search for the next ones begins."""
@@ -71,7 +85,7 @@ class TreeProblem:
         names = residuals.parameters.names
         self.columns = np.array([i for i, n in enumerate(names) if n in free], dtype=int)
         self.free_names = tuple(names[i] for i in self.columns)
-        self.priors = {n: p for n, p in priors.items() if n in free}
+        self.priors: Priors = {n: p for n, p in priors.items() if n in free}
         data = self.observations
         joints = np.full(len(data.noisy_joints), _FIRST_JOINT)
         self.noise = noise or TreeNoise(data.stated_sigma, joints)
@@ -156,19 +170,9 @@ class TreeProblem:
     def _cauchy(self, values: NDArray) -> tuple[NDArray, float]:
         """Return weights of all scalars and the robust cost, sum of k log(scale) and rho."""
         r = self.residuals.residuals(values) / self.scale
-        squared = self.observations.per_row(r * r)
-        weight, cost = np.ones(len(squared)), 0.0
-        for rows in self.observations.sensors:
-            k = rows.measured.shape[1]
-            own = squared[rows.rows]
-            held = bool(self.observations.sigma_held[self.observations.noise_group[rows.first]])
-            scale = 1.0 if held else robust_scale(np.sqrt(own), k)
-            rho, w = Loss("cauchy", max(scale, 1e-9)).rho_and_weight(own, k)
-            weight[rows.rows] = w / scale**2
-            cost += float(rho.sum()) / scale**2 + 2.0 * k * len(own) * np.log(scale)
-        for name, (mean, sigma) in self.priors.items():
-            cost += ((values[self.residuals.parameters.index[name]] - mean) / sigma) ** 2
-        return weight[self.observations.row], cost
+        weight, cost = robust_weights(self.observations, r)
+        rest = prior_rows(self.priors, self.free_names, self._by_name(values))[1]
+        return weight, cost + float(rest @ rest)
 
     def refine(
         self, values: NDArray, outliers: NDArray | None = None, *, trim: bool = True
@@ -185,7 +189,9 @@ class TreeProblem:
             ContradictedError: If every observation is an outlier.
         """
         data = self.observations
-        found = self._outlying(values) if outliers is None else outliers
+        found = outliers
+        if found is None:
+            found = standing_out(data, self.residuals.residuals(values) / self.scale)
         found = found if trim else np.zeros_like(found)
         groups = self.observations.groups(found)
         slipped = np.zeros((groups.poses, len(data.noisy_joints)), dtype=bool)
@@ -203,7 +209,9 @@ class TreeProblem:
             )
             values, steps = self._with(values, solution.x), steps + solution.iterations
             linear = self._about_poses(values, groups, slipped, found)
-            now_slipped, now_found = slipped, found
+            now_slipped, now_found, priors = slipped, found, self.priors
+            if known:
+                self._learn_priors(values, found, slipped)
             if known and trim:
                 now_slipped, now_found = self._tested(linear, groups, slipped, found)
             new = self.observations.groups(now_found)
@@ -211,7 +219,7 @@ class TreeProblem:
             check_that_some_agree(new, data, now_found)
             slipped, found = regrouped(now_slipped, groups, new), now_found
             groups = new
-            if same and self.noise.is_like(before):
+            if same and self.noise.is_like(before) and are_alike(priors, self.priors):
                 break
         return self._finish(values, slipped, found, known, steps)
 
@@ -258,11 +266,7 @@ class TreeProblem:
         solution = self.program(values, whitening, linear.pulled).solve(tolerance=1e-8)
         values = self._with(values, solution.x)
         rows, white = self._whitened(values, outliers, slipped)
-        prior = np.zeros((len(self.priors), len(self.free_names)))
-        rest = np.zeros(len(self.priors))
-        for i, (name, (mean, sigma)) in enumerate(self.priors.items()):
-            prior[i, self.free_names.index(name)] = 1.0 / sigma
-            rest[i] = (values[self.residuals.parameters.index[name]] - mean) / sigma
+        prior, rest = prior_rows(self.priors, self.free_names, self._by_name(values))
         if self.observations.data.free_joints:
             self.residuals = self.residuals.about(self.residuals.parameters, self.poses)
         by_visit = np.zeros((self.observations.visits, slipped.shape[1]), dtype=bool)
@@ -335,20 +339,19 @@ class TreeProblem:
         linear = self._linear(solution.values, solution.outliers)
         return self._likeliest(linear, groups, slipped, solution.values)
 
+    def _learn_priors(self, values: NDArray, outliers: NDArray, slipped: NDArray) -> None:
+        """Let priors be as wide as the data ask for, where they are learned."""
+        if self.alike:
+            white = self._whitened(values, outliers, slipped)
+            now = self._by_name(values)
+            self.priors = likeliest_priors(self.priors, self.alike, self.free_names, now, white)
+
+    def _by_name(self, values: NDArray) -> dict[str, float]:
+        return dict(zip(self.free_names, values[self.columns].tolist(), strict=True))
+
     def _with(self, values: NDArray, x: NDArray) -> NDArray:
         out = values.copy()
         out[self.columns] = x
-        return out
-
-    def _outlying(self, values: NDArray) -> NDArray:
-        """Return observations far out at the start, by the median of their sensor. (N,)."""
-        r = self.residuals.residuals(values) / self.scale
-        norms = np.sqrt(self.observations.per_row(r * r))
-        out = np.zeros(len(norms), dtype=bool)
-        for rows in self.observations.sensors:
-            k, own = rows.measured.shape[1], norms[rows.rows]
-            if not self.observations.sigma_held[self.observations.noise_group[rows.first]]:
-                out[rows.rows] = own > 8.0 * np.sqrt(k / 3.0) * robust_scale(own, k)
         return out
 
     def _whitening(
@@ -365,12 +368,11 @@ class TreeProblem:
         # A robot's description says nothing here: where it is wrong, a noise that made up for that
         # would make it weigh more still. What bends has priors that follow the data.
         bends = range(*self.residuals.parameters.bends.indices(len(values)))
-        J, known = linear.J[self.columns], np.zeros(len(self.columns))
-        pull = np.zeros(len(self.columns))
-        for name, (mean, sigma) in self.priors.items():
-            at = self.free_names.index(name)
-            if self.columns[at] in bends:
-                known[at], pull[at] = sigma**-2.0, mean - values[self.columns[at]]
+        names, J = self.residuals.parameters.names, linear.J[self.columns]
+        priors = {names[i]: self.priors[names[i]] for i in bends if names[i] in self.priors}
+        known = information_of(priors, self.free_names)
+        rows, rest = prior_rows(priors, self.free_names, self._by_name(values))
+        pull = -np.where(known > 0.0, rows.T @ rest / np.maximum(known, np.finfo(float).tiny), 0.0)
         own = replace(linear, r=linear.r + pull @ J, J=J)
         loose = self.observations.unread_in(groups.poses, slipped)
         return likeliest_noise(self.observations, own, groups, loose, self.noise, known)
@@ -381,9 +383,7 @@ class TreeProblem:
         """Return what slipped and what is an outlier at the solution."""
         plain = self._whitening(linear, groups, np.zeros_like(slipped))
         r, J = linear.r / self.scale, (linear.J[self.columns] / self.scale).T
-        prior = np.zeros(len(self.columns))
-        for name, (_, sigma) in self.priors.items():
-            prior[self.free_names.index(name)] = sigma**-2.0
+        prior = information_of(self.priors, self.free_names)
         found = slipped_joints(plain, r, J, prior) & ~self.observations.unread
         whitening = self._whitening(linear, groups, found)
         loose = np.vstack([found, np.zeros((1, found.shape[1]), dtype=bool)])

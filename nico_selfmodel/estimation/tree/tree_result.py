@@ -90,7 +90,7 @@ def errors_of_tree(errors: TreeErrors, keep: NDArray | None = None) -> Errors:
 
 def body_model(calibration: TreeCalibration) -> BodyModel:
     """Return what is kept of a calibration: the body with its error bars."""
-    data, uncertainty = calibration.data, calibration.uncertainty
+    data = calibration.data
     provenance: dict[str, Any] = {
         "dataset": data.name,
         "dataset_sha256": body_content_hash(data),
@@ -105,11 +105,11 @@ def body_model(calibration: TreeCalibration) -> BodyModel:
     joints = data.joints[: len(tree.joints)]
     # Of boards nothing is estimated but what bends, which is nothing.
     boards = tuple(f"{data.joints[i].name}." for i in data.free_joints)
-    names = uncertainty.names
+    names, matrix = _with_scale(calibration)
     kept = [i for i, name in enumerate(names) if not name.startswith(boards or "\0")]
     # A body's parameters are told from its own frames, those of a description from its.
     retold = calibration.parameters.retold(calibration.values, names)
-    covariance = retold @ uncertainty.covariance @ retold.T
+    covariance = retold @ matrix @ retold.T
     return BodyModel(
         calibration.name,
         tree,
@@ -125,6 +125,19 @@ def body_model(calibration: TreeCalibration) -> BodyModel:
             ]
         ),
     )
+
+
+def _with_scale(calibration: TreeCalibration) -> tuple[tuple[str, ...], NDArray]:
+    """Return the covariance of what was free, and of all lengths where nothing tells these."""
+    known, parameters = calibration.uncertainty, calibration.parameters
+    if calibration.setup.scale_from is not None:
+        return known.names, known.covariance
+    way = parameters.by_scale(calibration.values)
+    held = [n for n in np.array(parameters.names)[way != 0.0].tolist() if n not in known.names]
+    ours, others = (way[[parameters.index[n] for n in names]] for names in (known.names, held))
+    across = np.outer(others, ours)
+    matrix = np.block([[known.covariance, across.T], [across, np.outer(others, others)]])
+    return (*known.names, *held), matrix
 
 
 def _expected(calibration: TreeCalibration) -> dict[str, dict[str, float]]:
@@ -179,6 +192,7 @@ def _details(calibration: TreeCalibration) -> dict[str, Any]:
         "joints": _joints(calibration),
         **_mirrors(calibration),
         "described": None if described is None else errors_of_tree(described).to_json(),
+        "description_off": _description_off(calibration),
         "changes": _changes(calibration),
         "bending": bending_json(
             calibration.ladder, calibration.tree.bending, calibration.at, calibration.tree.joints
@@ -194,17 +208,17 @@ def _mirrors(calibration: TreeCalibration) -> dict[str, Any]:
         test = calibration.flatness.get(name)
         mirror = calibration.tree.mirror(name)
         free = [n for n in mirror.names if n in uncertainty.names]
+        slopes = np.zeros((4, len(uncertainty.names)))
         own = [uncertainty.names.index(n) for n in free]
-        slopes = mirror.slopes[:, [mirror.names.index(n) for n in free]]
-        known = slopes @ uncertainty.covariance[np.ix_(own, own)] @ slopes.T
-        turn, shift = float(np.trace(known[:3, :3])), float(known[3, 3])
+        slopes[:, own] = mirror.slopes[:, [mirror.names.index(n) for n in free]]
+        *turns, shift = (uncertainty.sigma_of(slope) for slope in slopes)
         poses = np.unique(data.pose[table.pose[table.mirror == name]])
         out[name] = {
             "poses": len(poses),
             "normal": mirror.plane.normal.tolist(),
-            "normal_sigma_deg": float(np.degrees(np.sqrt(turn))),
+            "normal_sigma_deg": finite(float(np.degrees(np.linalg.norm(turns)))),
             "distance_mm": 1e3 * mirror.plane.offset,
-            "distance_sigma_mm": 1e3 * float(np.sqrt(shift)),
+            "distance_sigma_mm": finite(shift, 1e3),
             "distance_from": "the world's origin",
             "flatness": None if test is None else test.to_json(),
         }
@@ -239,6 +253,22 @@ def _axes(X_PJ: NDArray, both: bool) -> dict[str, float | None]:
     apart = abs(float(p @ normal)) / sine if sine > 1e-6 else float(np.hypot(p[0], p[1]))
     angle = float(np.degrees(np.arctan2(sine, z[2])))
     return {"axis_angle_deg": angle, "axis_distance_mm": 1e3 * apart}
+
+
+def _description_off(calibration: TreeCalibration) -> dict[str, Any] | None:
+    """Return how far frames of a description are off, by the priors that the solution has."""
+    description = calibration.description
+    if description is None:
+        return None
+    priors = calibration.ladder.solution.problem.priors
+    sigmas = [description.turn_sigma, description.shift_sigma]
+    for k, alike in enumerate(calibration.setup.alike):
+        sigmas[k] = next((priors[name][1] for name in alike.names if name in priors), sigmas[k])
+    return {
+        "turn_sigma_deg": float(np.degrees(sigmas[0])),
+        "shift_sigma_mm": 1e3 * sigmas[1],
+        "learned": bool(calibration.setup.alike),
+    }
 
 
 def _changes(calibration: TreeCalibration) -> dict[str, Any]:

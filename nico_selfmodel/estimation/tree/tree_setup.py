@@ -37,9 +37,12 @@ class Description:
     tree: BodyTree
     """The robot in its base link's frame; sensors and unknown markers anywhere."""
     turn_sigma: float = float(np.radians(2.0))
-    """Of each part of a joint frame's turn [rad]."""
+    """Standard deviation of each part of a joint frame's turn [rad]."""
     shift_sigma: float = 0.01
-    """Of each part of its place [m]."""
+    """That of each part of its place [m]."""
+    learned: bool = True
+    """Whether the data tell both, the same for all frames, which are about these beforehand, within
+    a factor of three; else they are these."""
     masses: tuple[NDArray, NDArray] | None = None
     """Mass of each link [kg], shape (n,), and its centre there [m], shape (n, 3), where known."""
 
@@ -79,6 +82,35 @@ def priors_of(words: Sequence[str]) -> dict[str, tuple[float, float]]:
     return found
 
 
+def robot_sigmas_of(word: str) -> tuple[float, float]:
+    """Read `--robot-sigma DEG,MM` of the command line.
+
+    Returns:
+        Standard deviations of each part of a described frame's turn [rad] and place [m].
+
+    Raises:
+        ValueError: If it is not two positive numbers.
+    """
+    degrees, comma, millimetres = word.partition(",")
+    where = f"--robot-sigma {word}"
+    if not comma:
+        raise ValueError(f"{where} must be DEG,MM: as 2,10 for 2 deg and 10 mm")
+    turn, shift = number_of_word(degrees, where), number_of_word(millimetres, where)
+    if not (turn > 0.0 and shift > 0.0):
+        raise ValueError(f"{where}: both must be positive")
+    return float(np.radians(turn)), 1e-3 * shift
+
+
+@dataclass(frozen=True)
+class Alike:
+    """Parameters that are off by the same standard deviation, which the data tell."""
+
+    names: tuple[str, ...]
+    """Which."""
+    sigma: float
+    """What it is about beforehand [rad or m]."""
+
+
 @dataclass(frozen=True, eq=False)
 class TreeSetup:
     """What is estimated."""
@@ -93,6 +125,8 @@ class TreeSetup:
     """What stands for the world: a sensor, a joint, or `base` of a described robot."""
     scale_from: str | None
     """What tells lengths; None where nothing does, and one is held."""
+    alike: tuple[Alike, ...] = ()
+    """Parameters whose priors have one standard deviation, which is learned: see `Description`."""
 
 
 def blank_body(data: BodyDataset, lenses: Mapping[str, Camera]) -> BodyTree:
@@ -196,7 +230,21 @@ def setup_of(
     scale = _scale_from(data, description, wishes)
     if scale is None:
         free -= {held_scale(parameters.base, world) or ""}
-    return TreeSetup(frozenset(free), priors, given, world, scale)
+    return TreeSetup(
+        frozenset(free), priors, given, world, scale, _alike(data, description, wishes)
+    )
+
+
+def _alike(data: BodyDataset, description: Description | None, wishes: Wishes) -> tuple[Alike, ...]:
+    """Return which priors share a standard deviation that is learned: those that nobody stated."""
+    if description is None or not description.learned:
+        return ()
+    frames = [joint.name for joint in data.joints if joint.motion not in WHOLE_POSES]
+    turns, places = (
+        tuple(n for f in frames for p in parts if (n := f"{f}.{p}") not in wishes.priors)
+        for parts in (TURNS, SHIFTS)
+    )
+    return Alike(turns, description.turn_sigma), Alike(places, description.shift_sigma)
 
 
 def _check_names(parameters: TreeParameters, wishes: Wishes) -> None:

@@ -13,6 +13,7 @@ from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_noise import likeliest_noise
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import BodyParameters
+from nico_selfmodel.estimation.tree.tree_priors import prior_rows
 from nico_selfmodel.estimation.tree.tree_setup import Priors
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
 from nico_selfmodel.model.arm.bending import Bending
@@ -124,13 +125,8 @@ class WeighedTree:
         r, slopes = self._whitening.whiten((-self.linear.r / self._scale)[None], J)
         keep = self._groups.rows
         now = dict(zip(self.posture.names, self.posture.values.tolist(), strict=True))
-        told = [name for name in self.free if name in self.priors]
-        rows = np.zeros((len(told), len(self.free)))
-        pull = np.zeros(len(told))
-        for i, name in enumerate(told):
-            mean, sigma = self.priors[name]
-            rows[i, self.free.index(name)], pull[i] = 1.0 / sigma, (mean - now[name]) / sigma
-        return np.vstack([slopes[:, 0, keep].T, rows]), np.append(r[0, keep], pull)
+        rows, rest = prior_rows(self.priors, self.free, now)
+        return np.vstack([slopes[:, 0, keep].T, rows]), np.append(r[0, keep], -rest)
 
     @property
     def U(self) -> NDArray:

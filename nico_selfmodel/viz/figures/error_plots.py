@@ -34,7 +34,8 @@ def error_distribution(calibration: KinematicCalibration) -> Figure:
         calibration.cross_validation,
         calibration.train.distances[~calibration.outliers],
     )
-    sets = error_sets(*(None if errors is None else 1e3 * errors for errors in found))
+    told = (None if errors is None else errors[np.isfinite(errors)] for errors in found)
+    sets = error_sets(*(None if errors is None else 1e3 * errors for errors in told))
     return distribution(sets, unit="mm", digits=2, what="error of a point", thing="point")
 
 

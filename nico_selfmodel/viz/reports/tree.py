@@ -181,7 +181,7 @@ def _before(document: Mapping[str, Any]) -> list[parts.Section]:
 
 def _against_description(document: Mapping[str, Any]) -> list[parts.Section]:
     """Return how far the robot is from its description; nothing without one."""
-    changes = document["changes"]
+    changes, off = document["changes"], document["description_off"]
     if not changes:
         return []
     rows = tuple(
@@ -203,7 +203,10 @@ def _against_description(document: Mapping[str, Any]) -> list[parts.Section]:
         parts.numbers(Table(headings, rows)),
         parts.hint(
             "As described: the description's joints with sensors and markers placed as they fit "
-            "best. Below, how far each joint's frame is from where its description has it."
+            "best. Below, how far each joint's frame is from where its description has it. "
+            f"Each part of a frame's turn and place is off by {off['turn_sigma_deg']:.2g} deg and "
+            f"{off['shift_sigma_mm']:.2g} mm (standard deviations, "
+            f"{'as the data tell' if off['learned'] else 'as was stated'})."
         ),
         id="changes",
     )

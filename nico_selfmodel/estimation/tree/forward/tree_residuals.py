@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS
 from nico_selfmodel.estimation.tree.boards.first_poses import first_poses
 from nico_selfmodel.estimation.tree.boards.settled_poses import SETTLING_ROUNDS, settled_poses
+from nico_selfmodel.estimation.tree.forward.joint_errors import erring_readings
 from nico_selfmodel.estimation.tree.forward.pushes import Push, by_bearing, by_bends, by_frames
 from nico_selfmodel.estimation.tree.forward.rows_last import at_samples, dot_first
 from nico_selfmodel.estimation.tree.forward.sensor_models import (
@@ -34,7 +35,6 @@ from nico_selfmodel.estimation.tree.forward.sensor_models import (
 )
 from nico_selfmodel.estimation.tree.forward.sensor_run import AttachedEnds, SensorRun, Sight
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
-from nico_selfmodel.estimation.tree.joint_errors import erring_readings
 from nico_selfmodel.estimation.tree.tree_observations import BEARING, SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import BodyParameters
 from nico_selfmodel.geometry.reflection import reflect, reflection, reflection_slopes
@@ -65,7 +65,7 @@ class TreeResiduals:
             poses: Where the search for poses that nobody reads begins; by single views if omitted.
                 Shape (P, n, 4, 4).
             joint_errors: How far joints are taken to be from their readings where `linear` is, see
-                `estimation.tree.joint_errors`; none if omitted. Shape (P, m).
+                `estimation.tree.forward.joint_errors`; none if omitted. Shape (P, m).
         """
         self._poses = poses
         self.observations, self.parameters = observations, parameters
