@@ -91,7 +91,7 @@ def test_wrong_cameras_are_found_out_by_held_out_boards():
 
 
 def test_cross_validation_foretells_held_out_boards_and_exceeds_the_fit(train, learned):
-    crossed = cross_validate_cameras(train, CameraOptions(), np.ones(12, dtype=bool))
+    crossed = cross_validate_cameras(learned, CameraOptions(), np.ones(12, dtype=bool))
     assert crossed.shape == (12, 54, 4)
     test = pictures(boards(30, 9), SIGMA, 9)
     foretold, held_out = rms(crossed), rms(held_out_residuals(learned.cameras, test))
@@ -104,20 +104,29 @@ def test_boards_that_were_not_believed_take_no_part(train):
     noise = np.random.default_rng(3).normal(0.0, 30.0, (54, 4))
     bad = changed(train, 5, noise)
     inliers = np.arange(12) != 5
-    crossed = cross_validate_cameras(bad, CameraOptions(), inliers)
+    crossed = cross_validate_cameras(calibrate_cameras(bad), CameraOptions(), inliers)
     assert crossed.shape == (11, 54, 4)
-    alone = cross_validate_cameras(train.select(inliers), CameraOptions(), np.ones(11, dtype=bool))
+    sound = calibrate_cameras(train.select(inliers))
+    alone = cross_validate_cameras(sound, CameraOptions(), np.ones(11, dtype=bool))
     assert crossed == pytest.approx(alone, abs=1e-4)
 
 
 @pytest.mark.parametrize(("count", "usable"), [(0, 0), (1, 0), (3, 0), (4, 4), (5, 5)])
-def test_too_few_boards_are_not_cross_validated(train, count, usable):
-    crossed = cross_validate_cameras(train, CameraOptions(), np.arange(12) < count)
+def test_too_few_boards_are_not_cross_validated(learned, count, usable):
+    crossed = cross_validate_cameras(learned, CameraOptions(), np.arange(12) < count)
     assert crossed.shape == (usable, 54, 4)
 
 
+def test_cameras_near_a_solution_end_where_those_from_nothing_do(train, learned):
+    few = train.select(np.arange(12) < 9)
+    near, alone = calibrate_cameras(few, None, learned), calibrate_cameras(few)
+    assert near.cost == pytest.approx(alone.cost, rel=1e-7)
+    assert near.converged
+
+
 def test_one_camera_is_cross_validated_too(train):
-    crossed = cross_validate_cameras(train.only("right"), CameraOptions(), np.ones(12, dtype=bool))
+    right = calibrate_cameras(train.only("right"))
+    crossed = cross_validate_cameras(right, CameraOptions(), np.ones(12, dtype=bool))
     assert crossed.shape == (12, 54, 2)
     assert rms(crossed) == pytest.approx(SIGMA, rel=0.1)
 

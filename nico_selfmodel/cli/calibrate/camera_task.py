@@ -106,7 +106,8 @@ class CameraTask:
         calibration = choice.calibration
         progress("learning the cameras", 1, 2)
         assessment = CameraAssessment.from_calibration(
-            calibration, choice.options, test, known, choice.better, choice.decentred
+            *(calibration, choice.options, test, known, choice.better, choice.decentred),
+            left_out=choice.left_out,
         )
         verdict = judge(assessment, require_test_px=self.require_test_px)
         document = stamped(to_json(assessment, verdict)) | {"detection": found.document}

@@ -101,25 +101,30 @@ def held_out_residuals(cameras: tuple[Camera, ...], views: BoardViews) -> NDArra
     return adjustment.block.pixel_residuals(adjustment.block.evaluate_parts(adjustment.x)[0])
 
 
-def cross_validate_cameras(views: BoardViews, options: CameraOptions, inliers: NDArray) -> NDArray:
+def cross_validate_cameras(
+    calibration: CameraCalibration, options: CameraOptions, inliers: NDArray
+) -> NDArray:
     """Calibrate five times without a fifth of the boards, and return what these leave.
 
+    Each begins at the cameras that all boards told, which are near.
+
     Args:
-        views: All views.
-        options: As the calibration was made.
-        inliers: Views that were no outliers. Boolean, shape (V,).
+        calibration: Of all views.
+        options: As it was made.
+        inliers: Views that count. Boolean, shape (V,).
 
     Returns:
         Measured minus predicted pixels of each inlier, shape (n, P, 2 C); empty with too few
         boards.
     """
+    views = calibration.views
     kept = views.select(inliers)
     fold = _folds(kept)
     if not fold.size or not all(_suffices(kept.select(rest)) for rest, _ in splits(fold)):
         return np.zeros((0, len(views.p_GQ), 2 * len(views.cameras)))
     found = np.full(kept.pixels.shape, np.nan)
     for rest, left in splits(fold):
-        cameras = calibrate_cameras(kept.select(rest), options).cameras
+        cameras = calibrate_cameras(kept.select(rest), options, calibration).cameras
         found[left] = held_out_residuals(cameras, kept.select(left))
     return found
 

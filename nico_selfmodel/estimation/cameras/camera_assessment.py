@@ -65,6 +65,7 @@ class CameraAssessment:
         known: SelfModel | None = None,
         better_lens: str | None = None,
         decentred: tuple[str, ...] = (),
+        left_out: NDArray | None = None,
     ) -> "CameraAssessment":
         """Cross-validate, and hold against other views where given.
 
@@ -75,6 +76,7 @@ class CameraAssessment:
             known: The cameras as they were known before, to be compared.
             better_lens: `LensChoice.better`.
             decentred: `LensChoice.decentred`.
+            left_out: `LensChoice.left_out`, which is taken where no board was an outlier.
 
         Returns:
             The assessment.
@@ -84,11 +86,12 @@ class CameraAssessment:
         """
         options = options or CameraOptions()
         views, inliers = calibration.views, ~calibration.outliers
-        left_over = cross_validate_cameras(views, options, inliers)
+        if left_out is None or not inliers.all():
+            left_out = cross_validate_cameras(calibration, options, inliers)
         shown = test if test is not None else views.select(inliers)
         return cls(
             calibration,
-            left_over,
+            left_out,
             test,
             None if test is None else held_out_residuals(calibration.cameras, test),
             pairs_of(calibration, shown),

@@ -37,12 +37,17 @@ _EQUIDISTANT = {"k1": 0.778, "k2": 0.068, "k4": 1.111, "k5": 0.238}
 
 
 @on_one_blas_thread
-def calibrate_cameras(views: BoardViews, options: CameraOptions | None = None) -> CameraCalibration:
+def calibrate_cameras(
+    views: BoardViews,
+    options: CameraOptions | None = None,
+    near: CameraCalibration | None = None,
+) -> CameraCalibration:
     """Calibrate the cameras that saw a board.
 
     Args:
         views: Corners in any number of cameras.
         options: What is held and free; by default skew and tangential distortion are held at zero.
+        near: The same cameras as they were learned from these and other views, to begin with.
 
     Returns:
         The cameras, the boards and what is known of them.
@@ -58,6 +63,11 @@ def calibrate_cameras(views: BoardViews, options: CameraOptions | None = None) -
     options = options or CameraOptions()
     views = views.placeable()
     _check_names(views, options)
+    if near is not None:
+        X_LG = near.X_LG[[near.views.names.index(name) for name in views.names]]
+        adjustment = Adjustment(views, near.cameras, X_LG, options)
+        adjustment.solve(options.loss)
+        return adjustment.result(time.perf_counter() - began)
     if len(views.cameras) == 1:
         adjustment = _refine_alone(views, options, alone=True)
         adjustment.solve(options.loss)

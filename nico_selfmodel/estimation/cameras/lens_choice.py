@@ -72,6 +72,8 @@ class LensChoice:
     """The lens by which unseen boards are met better than by the one that was asked for."""
     decentred: tuple[str, ...] = ()
     """Cameras whose boards ask for p1 and p2; those of all cameras were let move then."""
+    left_out: NDArray | None = None
+    """What boards leave that were left out, where that was asked: `cross_validate_cameras`."""
 
     @property
     def lens(self) -> str:
@@ -106,9 +108,10 @@ def lens_of(views: BoardViews, options: CameraOptions) -> LensChoice:
     if not decentred:
         return choice
     freed = _best_of(views, replace(options, tangential=True))
-    before, after = _found(views, choice.options), _found(views, freed.options)
-    gains = after is not None and (before is None or before.worse_than(after))
-    return replace(freed, decentred=decentred) if gains else choice
+    before, after = (_found(views, one.options, one.calibration) for one in (choice, freed))
+    if after is not None and (before is None or before.worse_than(after)):
+        return replace(freed, decentred=decentred, left_out=after.residuals)
+    return choice if before is None else replace(choice, left_out=before.residuals)
 
 
 def _best_of(views: BoardViews, options: CameraOptions) -> LensChoice:
@@ -151,7 +154,7 @@ def _compared(views: BoardViews, options: CameraOptions) -> LensChoice:
     found = calibrate_cameras(views, options)
     asked = lens_word(options.lens)
     plain = asked == POLYNOMIAL and not _asks_for_others(found, options)
-    own = None if plain else _found(views, options)
+    own = None if plain else _found(views, options, found)
     if own is None:
         return LensChoice(options, found)
     others = _tried(views, options, tuple(lens for lens in LENSES if lens != asked))
@@ -161,7 +164,7 @@ def _compared(views: BoardViews, options: CameraOptions) -> LensChoice:
         for lens, one in others.items()
     ]
     best = min(better, key=lambda lens: others[lens].mean, default=None)
-    return LensChoice(options, found, tuple(trials), best)
+    return LensChoice(options, found, tuple(trials), best, left_out=own.residuals)
 
 
 def _is_wrong(own: "_Found", other: "_Found") -> bool:
@@ -208,20 +211,21 @@ class _Found:
 
     options: CameraOptions
     calibration: CameraCalibration
+    residuals: NDArray
+    """Of each board, predicted without its fold: `cross_validate_cameras`."""
     left_out: NDArray
-    """Logarithm of the rms of each board, predicted without its fold. Shape (V,)."""
+    """Logarithm of their rms. Shape (V,)."""
     flawed: bool
 
     @classmethod
-    def by(cls, views: BoardViews, options: CameraOptions) -> "_Found":
-        """Learn, and predict each board without its fold."""
-        everything = np.ones(len(views), dtype=bool)
-        left = cross_validate_cameras(views, options, everything)
+    def by(cls, found: CameraCalibration, options: CameraOptions) -> "_Found":
+        """Predict each board without its fold."""
+        everything = np.ones(len(found.views), dtype=bool)
+        left = cross_validate_cameras(found, options, everything)
         if not len(left):
             raise EstimationError("too few boards to leave some out")
-        found = calibrate_cameras(views, options)
         rms = 0.5 * np.log(2.0 * np.nanmean(left**2, axis=(1, 2)))
-        return cls(options, found, rms, _is_flawed(found, options))
+        return cls(options, found, left, rms, _is_flawed(found, options))
 
     @property
     def mean(self) -> float:
@@ -288,10 +292,13 @@ def _are_alike(found: _Found) -> bool:
     return len({camera.image_size for camera in cameras}) == 1 and bool(np.ptp(focal) < _ALIKE)
 
 
-def _found(views: BoardViews, options: CameraOptions) -> _Found | None:
-    """Return what a lens leaves; None where it cannot be learned."""
+def _found(
+    views: BoardViews, options: CameraOptions, known: CameraCalibration | None = None
+) -> _Found | None:
+    """Return what a lens leaves, learned already or not; None where it cannot be learned."""
     try:
-        return _Found.by(views, options)
+        found = calibrate_cameras(views, options) if known is None else known
+        return _Found.by(found, options)
     except (EstimationError, ModelError, ValueError):
         return None
 
@@ -333,4 +340,5 @@ def _chosen(found: dict[str, _Found], failed: dict[str, LensTrial]) -> LensChoic
         else:
             why = "boards tell no difference, and the corners are less likely"
         trials[lens] = _trial(lens, found[lens], why)
-    return LensChoice(found[taken].options, found[taken].calibration, tuple(trials.values()))
+    own = found[taken]
+    return LensChoice(own.options, own.calibration, tuple(trials.values()), left_out=own.residuals)
