@@ -167,3 +167,12 @@ def test_visits_of_many_rows_cost_those_of_few_no_empty_places():
     flat = groups.gather(values)
     expected = [flat[groups.visit == k].T @ flat[groups.visit == k] for k in range(100)]
     np.testing.assert_allclose(groups.products(flat, flat), expected, atol=1e-12)
+
+
+def test_where_no_row_counts_there_is_nothing_to_whiten():
+    groups = PoseGroups(np.array([0, 0, 1]), np.zeros(3, dtype=bool), 3)
+    whitening = PoseWhitening(groups, np.ones((3, 3, 2)), PoseNoise(1.0, np.ones(2)))
+    assert whitening.root(groups.gather(np.ones((3, 3, 4)))).shape == (0, 4)
+    assert whitening.taken.shape == (0,)
+    assert whitening.log_determinant == 0.0
+    assert not groups.scatter(np.zeros((0, 4))).any()

@@ -106,7 +106,7 @@ class PoseWhitening:
 
         It is 0 where only the sensor disturbs.
         """
-        return np.concatenate([factors.taken.ravel() for factors in self._factors])
+        return np.concatenate([np.zeros(0), *(own.taken.ravel() for own in self._factors)])
 
     def root(self, x: NDArray) -> NDArray:
         """Return W x by visit, W'W = S^-1. Shape (T, m) -> the same."""
@@ -125,7 +125,7 @@ class PoseWhitening:
         x = x / self.noise.sensor_sigma
         both = zip(self._factors, self.groups.stacks(x), strict=True)
         parts = [function(own, stack).reshape(-1, x.shape[1]) for own, (_, (stack,)) in both]
-        return np.concatenate(parts) if len(parts) > 1 else parts[0]
+        return parts[0] if len(parts) == 1 else np.concatenate([x[:0], *parts])
 
     def joint_errors(self, residuals: NDArray) -> tuple[NDArray, NDArray]:
         """Return what the rows tell of each visit's joint errors, in their standard deviations.
