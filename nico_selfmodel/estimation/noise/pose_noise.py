@@ -154,6 +154,7 @@ class PoseWhitening:
             slipped: Joints that are free in a pose, whatever their noise. Boolean, (poses, n).
         """
         self.groups, self.noise = groups, noise
+        self._made_of = by_angle, slipped
         self.lever = groups.gather(by_angle)
         """Derivatives by the joint angles, by pose. Shape (poses, K, n)."""
         joint_sigma = noise.joint_sigma
@@ -165,6 +166,18 @@ class PoseWhitening:
         one, other = (self.B, self._across) if self._narrow else (self._across, self.B)
         self._square = one @ other + np.eye(one.shape[1])
         """I + BB' where that is the smaller one, else G. Shape (poses, K, K) or (poses, n, n)."""
+
+    def quieter(self, part: float, slipped: NDArray | None = None) -> "PoseWhitening":
+        """Return the same with joint noise of so much of what it is, and more joints free.
+
+        Args:
+            part: Of the joints' standard deviations.
+            slipped: Joints that are free in a pose besides. Boolean, shape (poses, n).
+        """
+        noise = PoseNoise(self.noise.sensor_sigma, part * self.noise.joint_sigma)
+        by_angle, free = self._made_of
+        both = free if slipped is None else slipped if free is None else free | slipped
+        return PoseWhitening(self.groups, by_angle, noise, both)
 
     @cached_property
     def G_inverse(self) -> NDArray:

@@ -17,6 +17,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
 )
 from nico_selfmodel.estimation.tree.contradictions.contradiction_words import contradiction_findings
 from nico_selfmodel.estimation.tree.contradictions.exchanged_markers import exchanged_markers
+from nico_selfmodel.estimation.tree.pose_tests import FEWEST_SLIPS
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, REVOLUTE
@@ -28,8 +29,9 @@ _LARGEST_JOINT_NOISE = np.radians(5.0)
 """A joint that is this uncertain about its encoder is not play."""
 _LARGEST_FLANGE_PLACE = 0.05
 """Nor is a place of a flange that is off by so much [m]."""
-_MOST_SLIPS, _FEWEST_SLIPS = 0.02, 3
-"""Share and number of poses with a wrong reading of one joint from which on it is named."""
+_MOST_SLIPS = 0.02
+"""Share of poses with a wrong reading of one joint from which on it is named, `FEWEST_SLIPS` at
+least."""
 _OUTLIERS_NAMED = 2
 """Outliers of one marker from which on it is named."""
 SCALE = (
@@ -139,7 +141,7 @@ def _slip_words(calibration: TreeCalibration) -> list[str]:
     for (i, part), count in zip(
         calibration.train.observations.noisy_joints, counts.tolist(), strict=True
     ):
-        if part == 0 and count >= max(_FEWEST_SLIPS, _MOST_SLIPS * len(slipped)):
+        if part == 0 and count >= max(FEWEST_SLIPS, _MOST_SLIPS * len(slipped)):
             name = calibration.data.joints[i].name
             out.append(
                 f"the encoder of {name!r} was off in {count} of {len(slipped)} poses by more than "

@@ -18,6 +18,7 @@ from nico_selfmodel.estimation.noise.pose_noise import (
     PoseNoise,
     PoseWhitening,
 )
+from nico_selfmodel.estimation.tree import tree_priors
 from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
 from nico_selfmodel.estimation.tree.forward.joint_errors import joint_errors
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
@@ -35,12 +36,6 @@ from nico_selfmodel.estimation.tree.tree_noise import (
     standing_out,
 )
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
-from nico_selfmodel.estimation.tree.tree_priors import (
-    are_alike,
-    information_of,
-    likeliest_priors,
-    prior_rows,
-)
 from nico_selfmodel.estimation.tree.tree_setup import Alike, Priors
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram
@@ -80,7 +75,7 @@ class TreeProblem:
             alike: Groups of parameters whose priors have one standard deviation, which is learned.
         """
         self.alike = tuple(alike)
-        self._noise_known = noise_known
+        self._noise_known, self._joint_part = noise_known, 1.0
         self.poses: NDArray | None = None
         """Whole poses at the last solution, where the search for the next ones begins."""
         self._last: tuple[bytes, TreeLinear] | None = None
@@ -175,7 +170,7 @@ class TreeProblem:
         """Return weights of all scalars and the robust cost, sum of k log(scale) and rho."""
         r = self.residuals.residuals(values) / self.scale
         weight, cost = robust_weights(self.observations, r)
-        rest = prior_rows(self.priors, self.free_names, self._by_name(values))[1]
+        rest = tree_priors.prior_rows(self.priors, self.free_names, self._by_name(values))[1]
         return weight, cost + float(rest @ rest)
 
     def refine(
@@ -193,9 +188,8 @@ class TreeProblem:
             ContradictedError: If every observation is an outlier.
         """
         data = self.observations
-        found = outliers
-        if found is None:
-            found = standing_out(data, self.residuals.residuals(values) / self.scale)
+        left = self.residuals.residuals(values) / self.scale
+        found = standing_out(data, left) if outliers is None else outliers
         found = found if trim else np.zeros_like(found)
         groups = self.observations.groups(found)
         slipped = np.zeros((groups.poses, len(data.noisy_joints)), dtype=bool)
@@ -213,9 +207,8 @@ class TreeProblem:
             )
             values, steps = self._with(values, solution.x), steps + solution.iterations
             linear = self._about_poses(values, groups, slipped, found)
-            now_slipped, now_found, priors = slipped, found, self.priors
-            if known:
-                self._learn_priors(values, found, slipped)
+            now_slipped, now_found = slipped, found
+            settled = not known or self._learned_priors(values, found, slipped)
             if known and trim:
                 now_slipped, now_found = self._tested(linear, groups, slipped, found)
             new = self.observations.groups(now_found)
@@ -223,7 +216,7 @@ class TreeProblem:
             check_that_some_agree(new, data, now_found)
             slipped, found = regrouped(now_slipped, groups, new), now_found
             groups = new
-            if same and self.noise.is_like(before) and are_alike(priors, self.priors):
+            if same and self.noise.is_like(before) and settled:
                 break
         return self._finish(values, slipped, found, known, steps)
 
@@ -270,7 +263,7 @@ class TreeProblem:
         solution = self.program(values, whitening, linear.pulled).solve(tolerance=1e-8)
         values = self._with(values, solution.x)
         rows, white = self._whitened(values, outliers, slipped)
-        prior, rest = prior_rows(self.priors, self.free_names, self._by_name(values))
+        prior, rest = tree_priors.prior_rows(self.priors, self.free_names, self._by_name(values))
         if self.observations.data.free_joints:
             self.residuals = self.residuals.about(self.residuals.parameters, self.poses)
         by_visit = np.zeros((self.observations.visits, slipped.shape[1]), dtype=bool)
@@ -343,12 +336,14 @@ class TreeProblem:
         linear = self._linear(solution.values, solution.outliers)
         return self._likeliest(linear, groups, slipped, solution.values)
 
-    def _learn_priors(self, values: NDArray, outliers: NDArray, slipped: NDArray) -> None:
-        """Let priors be as wide as the data ask for, where they are learned."""
-        if self.alike:
-            white = self._whitened(values, outliers, slipped)
-            now = self._by_name(values)
-            self.priors = likeliest_priors(self.priors, self.alike, self.free_names, now, white)
+    def _learned_priors(self, values: NDArray, outliers: NDArray, slipped: NDArray) -> bool:
+        """Let priors be as wide as the data ask for; return whether they were."""
+        if not self.alike:
+            return True
+        white, now = self._whitened(values, outliers, slipped), self._by_name(values)
+        before, known = self.priors, (self.priors, self.alike, self.free_names)
+        self.priors = tree_priors.likeliest_priors(*known, now, white)
+        return tree_priors.are_alike(before, self.priors)
 
     def _by_name(self, values: NDArray) -> dict[str, float]:
         return dict(zip(self.free_names, values[self.columns].tolist(), strict=True))
@@ -374,12 +369,13 @@ class TreeProblem:
         bends = range(*self.residuals.parameters.bends.indices(len(values)))
         names, J = self.residuals.parameters.names, linear.J[self.columns]
         priors = {names[i]: self.priors[names[i]] for i in bends if names[i] in self.priors}
-        known = information_of(priors, self.free_names)
-        rows, rest = prior_rows(priors, self.free_names, self._by_name(values))
+        known = tree_priors.information_of(priors, self.free_names)
+        rows, rest = tree_priors.prior_rows(priors, self.free_names, self._by_name(values))
         pull = -np.where(known > 0.0, rows.T @ rest / np.maximum(known, np.finfo(float).tiny), 0.0)
         own = replace(linear, r=linear.r + pull @ J, J=J)
         loose = self.observations.unread_in(groups.poses, slipped)
-        return likeliest_noise(self.observations, own, groups, loose, self.noise, known)
+        found = likeliest_noise(self.observations, own, groups, loose, self.noise, known)
+        return TreeNoise(found.sensor, self._joint_part * found.joint)
 
     def _tested(
         self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray, outliers: NDArray
@@ -387,8 +383,10 @@ class TreeProblem:
         """Return what slipped and what is an outlier at the solution."""
         plain = self._whitening(linear, groups, np.zeros_like(slipped))
         r, J = linear.r / self.scale, (linear.J[self.columns] / self.scale).T
-        prior = information_of(self.priors, self.free_names)
-        found = slipped_joints(plain, r, J, prior) & ~self.observations.unread
+        prior = tree_priors.information_of(self.priors, self.free_names)
+        found, part = slipped_joints(plain, r, J, prior)
+        found &= ~self.observations.unread
+        self._joint_part = 1.0 if part is None else part * self._joint_part
         whitening = self._whitening(linear, groups, found)
         loose = np.vstack([found, np.zeros((1, found.shape[1]), dtype=bool)])
         loose |= self.observations.unread
