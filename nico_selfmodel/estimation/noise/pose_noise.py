@@ -7,6 +7,7 @@ than joints. Elsewhere it is never formed: with G = I + B'B, S^-1 = (I - B G^-1 
 1950), and a root of it, W'W = S^-1, is W = (I - B X B') / s with X of `whitening_core`.
 """
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.noise.alike_errors import Decorrelation
 from nico_selfmodel.estimation.noise.hand_noise import noise_covariance
 from nico_selfmodel.geometry.small_matrices import (
     inverse_and_log_determinant,
@@ -155,6 +157,8 @@ class PoseWhitening:
         """
         self.groups, self.noise = groups, noise
         self._made_of = by_angle, slipped
+        self.shared: Decorrelation | None = None
+        """Of errors that poses share, see `sharing`."""
         self.lever = groups.gather(by_angle)
         """Derivatives by the joint angles, by pose. Shape (poses, K, n)."""
         joint_sigma = noise.joint_sigma
@@ -254,6 +258,35 @@ class PoseWhitening:
             The same shapes; rows that do not count are zero.
         """
         both = np.concatenate([residuals[None], jacobian]).transpose(2, 1, 0)
-        weight = np.sqrt(self.groups.weight)[:, None, None]
-        white = self.groups.scatter(weight * self.root(self.groups.gather(both))).transpose(2, 1, 0)
+        white = self.groups.scatter(self.white(both)).transpose(2, 1, 0)
         return np.ascontiguousarray(white[0]), np.ascontiguousarray(white[1:])
+
+    def white(self, x: NDArray) -> NDArray:
+        """Return whitened and weighed rows by pose. Shape (N, k, m) -> (poses, K, m).
+
+        What poses share with others, where `sharing` said so, is whitened too.
+        """
+        white = self.root(self.groups.gather(x))
+        if not self.groups.alike:
+            white = np.sqrt(self.groups.weight)[:, None, None] * white
+        if self.shared is None:
+            return white
+        return self.shared(white.reshape(-1, white.shape[2])).reshape(white.shape)
+
+    @property
+    def shared_by_row(self) -> Decorrelation | None:
+        """Return `shared` in the order of the rows that count. Shape (N k, q)."""
+        if self.shared is None:
+            return None
+        E = self.shared.E.reshape(self.groups.poses, -1, self.shared.E.shape[1])
+        return Decorrelation.of(self.groups.scatter(E)[self.groups.rows].reshape(-1, E.shape[2]))
+
+    def sharing(self, columns: NDArray) -> "PoseWhitening":
+        """Return the same with errors that poses share.
+
+        Args:
+            columns: What errors of N(0, 1) do to the rows. Shape (N, k, q).
+        """
+        out = copy(self)
+        out.shared = Decorrelation.of(self.white(columns).reshape(-1, columns.shape[2]))
+        return out

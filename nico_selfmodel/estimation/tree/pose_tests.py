@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import ContradictedError
-from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseWhitening
+from nico_selfmodel.estimation.noise.pose_noise import FREE_SIGMA, PoseGroups, PoseWhitening
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.optimization.chi_square import as_rare_as
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
@@ -211,9 +211,12 @@ def far_observations(
     whitening: PoseWhitening,
     r: NDArray,
     J: NDArray,
-    by_joint: NDArray,
     prior: NDArray,
     outliers: NDArray,
+    *,
+    by_joint: NDArray,
+    sigma: NDArray,
+    slipped: NDArray,
     took: NDArray | None = None,
 ) -> NDArray:
     """Return observations that neither the body nor the rest of their pose explains.
@@ -227,9 +230,11 @@ def far_observations(
         whitening: Of the observations that count.
         r: Residuals in their sensors' sigmas. Shape (R,).
         J: Derivatives by the free parameters. Shape (R, p).
-        by_joint: Derivatives by the joints' errors in their own sigmas. Shape (R, m).
         prior: Information of the priors on their diagonal. Shape (p,).
         outliers: Those that do not count, by row of the table. Shape (N,).
+        by_joint: Derivatives by the joints' errors, in the sensors' sigmas. Shape (R, m).
+        sigma: Standard deviations of these errors. Shape (m,).
+        slipped: What was read wrongly at each visit. Boolean, shape (visits, m).
         took: See `TreeLinear`.
 
     Returns:
@@ -243,6 +248,8 @@ def far_observations(
     solved = groups.scatter(whitening.inverse(both))[:, 0]
     shift, spread = whitening.joint_errors(-r[:, None])
     visit = groups.of(np.ones(len(r), dtype=bool))
+    loose = np.vstack([slipped, np.zeros((1, slipped.shape[1]), dtype=bool)]) | observations.unread
+    by_joint = by_joint * np.where(loose[visit], FREE_SIGMA, sigma)
     for rows in observations.sensors:
         k = rows.measured.shape[1]
         at = rows.first + np.arange(rows.measured.size).reshape(-1, k)

@@ -55,11 +55,7 @@ class TreeBlock(SummedBlock):
         """Return cost, gradient and Gauss-Newton matrix from one product of all columns."""
         rows = self._scaled(x).T
         if self._whitening is not None:
-            groups = self._whitening.groups
-            white = self._whitening.root(groups.gather(rows[:, None]))
-            if not groups.alike:
-                white = np.sqrt(groups.weight)[:, None, None] * white
-            rows = white.reshape(-1, rows.shape[1])
+            rows = self._whitening.white(rows[:, None]).reshape(-1, rows.shape[1])
         sums = rows.T @ rows
         return 0.5 * float(sums[0, 0]), sums[1:, 0], sums[1:, 1:]
 

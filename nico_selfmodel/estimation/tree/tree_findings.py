@@ -49,6 +49,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     doubts = [f"too few poses to test whether mirror {name!r} is flat: record ten"
               for name, test in calibration.flatness.items() if test is None]  # fmt: skip
     doubts += [
+        *_alike_words(calibration),
         *_slip_words(calibration),
         *exchanged_markers(calibration),
         *_outlier_words(calibration),
@@ -148,6 +149,38 @@ def _slip_words(calibration: TreeCalibration) -> list[str]:
                 "joint noise: look for play, a loose coupling or missed counts there"
             )
     return out
+
+
+def alike_errors(calibration: TreeCalibration) -> dict[str, dict[str, float]]:
+    """Return what errors of each flange are shared by poses that are alike, and what are not.
+
+    Args:
+        calibration: What was learned.
+
+    Returns:
+        Standard deviations [rad and m] by name; nothing where each pose's error is its own.
+    """
+    alike, seen = calibration.solution.noise.alike, calibration.train.observations
+    if alike is None:
+        return {}
+    out: dict[str, dict[str, float]] = {}
+    for k in np.flatnonzero(alike.sigma > 0.0).tolist():
+        i, part = seen.noisy_joints[k]
+        own = out.setdefault(calibration.data.joints[i].name, {})
+        kind = "turn" if part < 3 else "place"
+        own |= {f"shared_{kind}": float(alike.sigma[k]), f"own_{kind}": float(alike.alone[k])}
+    return out
+
+
+def _alike_words(calibration: TreeCalibration) -> list[str]:
+    return [
+        f"what the controller says of {name!r} is off alike in poses alike, by "
+        f"{np.degrees(one['shared_turn']):.2f} deg and {1e3 * one['shared_place']:.2f} mm, besides "
+        f"{np.degrees(one['own_turn']):.2f} deg and {1e3 * one['own_place']:.2f} mm of each pose's "
+        "own: error bars count it, and more poses like these tell little more; record poses "
+        "elsewhere in the workspace, or calibrate the arm itself"
+        for name, one in alike_errors(calibration).items()
+    ]
 
 
 def _outlier_words(calibration: TreeCalibration) -> list[str]:
