@@ -14,6 +14,7 @@ from nico_selfmodel.estimation.judging import judge, result_of
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree.body_prediction import predict_body
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.guesses.hand_eye import only_axis
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
@@ -323,7 +324,24 @@ def test_turns_about_one_axis_leave_the_place_along_it_open():
     _, _, F, M = hand_eye_poses(rng, 20, turns=axis)
     verdict = judge(calibrate_tree(flange_dataset(F, M)))
     assert verdict.status == "FAIL"
-    assert any("target." in reason for reason in verdict.reasons)
+    words = (
+        "all turns of 'tcp' are about one axis, (0.00, 0.60, 0.80) in its base: how far 'target'"
+    )
+    assert verdict.reasons[0].startswith(f"{words} is shifted along it cannot be told from")
+    assert "turned about a second axis" in verdict.reasons[0]
+    two = F.copy()
+    two[:3, :3, :3] = two[:3, :3, :3] @ rotation_from_vector([0.5, 0.0, 0.0])
+    assert only_axis(F) == pytest.approx(axis, abs=0.01)
+    assert only_axis(two) is None
+
+
+def test_what_a_flange_that_turns_on_the_spot_about_one_axis_leaves_open_is_told():
+    rng = np.random.default_rng(4)
+    X, Z, F, _ = hand_eye_poses(rng, 20, turns=np.array([1.0, 0.0, 0.0]))
+    F[:, :3, 3] = [0.3, 0.1, 0.5]
+    reasons = judge(calibrate_tree(flange_dataset(F, inverse(Z) @ F @ X))).reasons
+    assert any("all turns of 'tcp' are about one axis, (1.00, " in reason for reason in reasons)
+    assert any("turned about it" in reason for reason in reasons)
 
 
 def test_a_flange_that_hardly_turned_is_refused():

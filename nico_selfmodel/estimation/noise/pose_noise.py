@@ -8,6 +8,7 @@ than joints. Elsewhere it is never formed: with G = I + B'B, S^-1 = (I - B G^-1 
 """
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.noise.alike_errors import Decorrelation
 from nico_selfmodel.estimation.noise.hand_noise import noise_covariance
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.geometry.small_matrices import inverse_cholesky, whitening_core
@@ -79,6 +81,9 @@ class PoseWhitening:
             slipped: Joints that are free in a pose, whatever their noise. Boolean, (visits, n).
         """
         self.groups, self.noise = groups, noise
+        self._made_of = by_angle, slipped
+        self.shared: Decorrelation | None = None
+        """Of errors that poses share, see `sharing`."""
         self.lever = groups.gather(by_angle)
         """Derivatives by the joint angles, by visit. Shape (T, n)."""
         self.joint_sigma = noise.joint_sigma[None]
@@ -87,6 +92,18 @@ class PoseWhitening:
             self.joint_sigma = np.where(slipped, FREE_SIGMA, noise.joint_sigma)
         each = self.joint_sigma if slipped is None else self.joint_sigma[groups.visit]
         self._B = self.lever * (each / noise.sensor_sigma)
+
+    def quieter(self, part: float, slipped: NDArray | None = None) -> "PoseWhitening":
+        """Return the same with joint noise of so much of what it is, and more joints free.
+
+        Args:
+            part: Of the joints' standard deviations.
+            slipped: Joints that are free in a pose besides. Boolean, shape (poses, n).
+        """
+        noise = PoseNoise(self.noise.sensor_sigma, part * self.noise.joint_sigma)
+        by_angle, free = self._made_of
+        both = free if slipped is None else slipped if free is None else free | slipped
+        return PoseWhitening(self.groups, by_angle, noise, both)
 
     @cached_property
     def _factors(self) -> list["_Factors"]:
@@ -163,15 +180,40 @@ class PoseWhitening:
             The same shapes; rows that do not count are zero.
         """
         both = np.concatenate([residuals[None], jacobian]).transpose(2, 1, 0)
-        white = self.counted(self.root(self.groups.gather(both)))
-        white = self.groups.scatter(white).transpose(2, 1, 0)
+        white = self.groups.scatter(self.white(both)).transpose(2, 1, 0)
         return np.ascontiguousarray(white[0]), np.ascontiguousarray(white[1:])
+
+    def white(self, x: NDArray) -> NDArray:
+        """Return whitened and weighed rows by visit. Shape (N, k, m) -> (T, m).
+
+        What poses share with others, where `sharing` said so, is whitened too.
+        """
+        white = self.counted(self.root(self.groups.gather(x)))
+        return white if self.shared is None else self.shared(white)
 
     def counted(self, white: NDArray) -> NDArray:
         """Return whitened coordinates times the root of what their visit counts. Shape (T, m)."""
         if self.groups.alike:
             return white
         return np.sqrt(self.groups.weight)[self.groups.visit, None] * white
+
+    @property
+    def shared_by_row(self) -> Decorrelation | None:
+        """Return `shared` in the order of the rows that count. Shape (N k, q)."""
+        if self.shared is None:
+            return None
+        E = self.groups.scatter(self.shared.E)[self.groups.rows]
+        return Decorrelation.of(E.reshape(-1, E.shape[2]))
+
+    def sharing(self, columns: NDArray) -> "PoseWhitening":
+        """Return the same with errors that poses share.
+
+        Args:
+            columns: What errors of N(0, 1) do to the rows. Shape (N, k, q).
+        """
+        out = copy(self)
+        out.shared = Decorrelation.of(self.white(columns))
+        return out
 
 
 @dataclass(frozen=True, eq=False)

@@ -55,8 +55,7 @@ class TreeBlock(SummedBlock):
         """Return cost, gradient and Gauss-Newton matrix from one product of all columns."""
         rows = self._scaled(x).T
         if self._whitening is not None:
-            white = self._whitening.root(self._whitening.groups.gather(rows[:, None]))
-            rows = self._whitening.counted(white)
+            rows = self._whitening.white(rows[:, None])
         sums = rows.T @ rows
         return 0.5 * float(sums[0, 0]), sums[1:, 0], sums[1:, 1:]
 

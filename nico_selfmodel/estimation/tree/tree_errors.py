@@ -186,9 +186,11 @@ def without_folds(
     unit = np.sqrt(np.sum(solution.whitened**2, axis=0))
     unit = np.where(unit > 0.0, unit, 1.0)
     for learn, left in splits(fold):
+        own = np.column_stack([rows, white])
         mine = learn[keep]
-        H = rows[mine].T @ rows[mine] + prior.T @ prior
-        g = rows[mine].T @ white[mine] + prior.T @ pull
+        own = own[mine] if solution.shared is None else solution.shared.of_some(own, mine)
+        H = own[:, :-1].T @ own[:, :-1] + prior.T @ prior
+        g = own[:, :-1].T @ own[:, -1] + prior.T @ pull
         known, vectors = np.linalg.eigh(H / np.outer(unit, unit))
         told = known > _TOLD * known[-1]
         step = (vectors[:, told] / known[told]) @ (vectors[:, told].T @ (g / unit))

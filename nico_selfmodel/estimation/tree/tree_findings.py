@@ -17,6 +17,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
 )
 from nico_selfmodel.estimation.tree.contradictions.contradiction_words import contradiction_findings
 from nico_selfmodel.estimation.tree.contradictions.exchanged_markers import exchanged_markers
+from nico_selfmodel.estimation.tree.pose_tests import FEWEST_SLIPS
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, REVOLUTE
@@ -28,8 +29,9 @@ _LARGEST_JOINT_NOISE = np.radians(5.0)
 """A joint that is this uncertain about its encoder is not play."""
 _LARGEST_FLANGE_PLACE = 0.05
 """Nor is a place of a flange that is off by so much [m]."""
-_MOST_SLIPS, _FEWEST_SLIPS = 0.02, 3
-"""Share and number of poses with a wrong reading of one joint from which on it is named."""
+_MOST_SLIPS = 0.02
+"""Share of poses with a wrong reading of one joint from which on it is named, `FEWEST_SLIPS` at
+least."""
 _OUTLIERS_NAMED = 2
 """Outliers of one marker from which on it is named."""
 SCALE = (
@@ -47,6 +49,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     doubts = [f"too few poses to test whether mirror {name!r} is flat: record ten"
               for name, test in calibration.flatness.items() if test is None]  # fmt: skip
     doubts += [
+        *_alike_words(calibration),
         *_slip_words(calibration),
         *exchanged_markers(calibration),
         *_outlier_words(calibration),
@@ -139,13 +142,45 @@ def _slip_words(calibration: TreeCalibration) -> list[str]:
     for (i, part), count in zip(
         calibration.train.observations.noisy_joints, counts.tolist(), strict=True
     ):
-        if part == 0 and count >= max(_FEWEST_SLIPS, _MOST_SLIPS * len(slipped)):
+        if part == 0 and count >= max(FEWEST_SLIPS, _MOST_SLIPS * len(slipped)):
             name = calibration.data.joints[i].name
             out.append(
                 f"the encoder of {name!r} was off in {count} of {len(slipped)} poses by more than "
                 "joint noise: look for play, a loose coupling or missed counts there"
             )
     return out
+
+
+def alike_errors(calibration: TreeCalibration) -> dict[str, dict[str, float]]:
+    """Return what errors of each flange are shared by poses that are alike, and what are not.
+
+    Args:
+        calibration: What was learned.
+
+    Returns:
+        Standard deviations [rad and m] by name; nothing where each pose's error is its own.
+    """
+    alike, seen = calibration.solution.noise.alike, calibration.train.observations
+    if alike is None:
+        return {}
+    out: dict[str, dict[str, float]] = {}
+    for k in np.flatnonzero(alike.sigma > 0.0).tolist():
+        i, part = seen.noisy_joints[k]
+        own = out.setdefault(calibration.data.joints[i].name, {})
+        kind = "turn" if part < 3 else "place"
+        own |= {f"shared_{kind}": float(alike.sigma[k]), f"own_{kind}": float(alike.alone[k])}
+    return out
+
+
+def _alike_words(calibration: TreeCalibration) -> list[str]:
+    return [
+        f"what the controller says of {name!r} is off alike in poses alike, by "
+        f"{np.degrees(one['shared_turn']):.2f} deg and {1e3 * one['shared_place']:.2f} mm, besides "
+        f"{np.degrees(one['own_turn']):.2f} deg and {1e3 * one['own_place']:.2f} mm of each pose's "
+        "own: error bars count it, and more poses like these tell little more; record poses "
+        "elsewhere in the workspace, or calibrate the arm itself"
+        for name, one in alike_errors(calibration).items()
+    ]
 
 
 def _outlier_words(calibration: TreeCalibration) -> list[str]:

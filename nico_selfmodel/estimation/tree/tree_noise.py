@@ -1,22 +1,38 @@
 """What disturbs a recording, by what an adjustment leaves of it."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.noise.alike_errors import AlikeErrors, alike_basis
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
+from nico_selfmodel.estimation.noise.pose_noise import PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.noise.variance_components import (
     LEAST_OF_ALL,
     LinearResiduals,
+    Variances,
     VarianceSearch,
 )
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
-from nico_selfmodel.model.tree.body_tree import WHOLE_POSES
+from nico_selfmodel.model.tree.body_tree import FLANGE, WHOLE_POSES
 from nico_selfmodel.optimization.losses import Loss, robust_scale
+from nico_selfmodel.optimization.uncertainty import covariance_told_by
 
 _FAR = 8.0
 """Robust standard deviations of three coordinates beyond which nothing counts at first."""
+_FEWEST_ALIKE = 12
+"""Poses of a flange below which nobody asks whether errors are alike in poses alike."""
+DECISIVE = 8.0
+"""Gain of a log likelihood from which on they are: two standard deviations more, and a size."""
+_SIZES = (0.7, 1.4)
+"""What `alike` may mean, in root mean squares of how far poses are apart."""
+_ALIKE_ROUNDS = 3
+_FIRST_SHARED, _FIRST_ALONE = 0.9, 0.3
+"""Parts of the standard deviation without sharing at which the search begins."""
 _LEAST_SHARE = 0.02
 """Part of the residuals below which a standard deviation counts as none."""
 
@@ -82,6 +98,128 @@ def likeliest_noise(
         start: Where the search begins.
         information: Inverse variances of what is known beforehand. Shape (P,).
     """
+    found = _variances(data, linear, groups, slipped, start, information)
+    return TreeNoise(found.sensor, found.joint)
+
+
+def tree_whitening(
+    data: TreeObservations,
+    linear: TreeLinear,
+    groups: PoseGroups,
+    noise: TreeNoise,
+    slipped: NDArray | None = None,
+    *,
+    joined: bool = False,
+) -> PoseWhitening:
+    """Return what whitens poses, of rows in their sensors' standard deviations.
+
+    Args:
+        data: What was measured.
+        linear: Derivatives by the joints' errors.
+        groups: What belongs to one pose.
+        noise: What disturbs it.
+        slipped: Joints that were read wrongly in a pose, if any. Boolean, (poses, m).
+        joined: Whiten also what poses share with each other; else all of it counts as their own.
+    """
+    by_joint = linear.by_joint / noise.sensor[data.noise_group][:, None]
+    loose, alike = data.unread_in(groups.poses, slipped), noise.alike if joined else None
+    own = noise.joint if alike is None else alike.alone
+    whitening = PoseWhitening(groups, by_joint[:, None], PoseNoise(1.0, own), loose)
+    if alike is None:
+        return whitening
+    pose = data.data.observations.pose[data.row]
+    return whitening.sharing(alike.columns(by_joint, pose)[:, None])
+
+
+def likeliest_alike(
+    data: TreeObservations,
+    linear: TreeLinear,
+    groups: PoseGroups,
+    slipped: NDArray | None,
+    start: TreeNoise,
+    information: NDArray,
+) -> TreeNoise | None:
+    """Return the noise in which errors of a flange are shared by poses that are alike.
+
+    Args:
+        data: What was measured.
+        linear: As in `likeliest_noise`, as are the others.
+        groups: What belongs to one pose.
+        slipped: Joints that were read wrongly in a pose, if any. Boolean, (poses, m).
+        start: The noise without.
+        information: Inverse variances of what is known beforehand. Shape (P,).
+
+    Returns:
+        None where nothing is a flange's, or each pose's error is its own.
+    """
+    parts = [
+        k for k, (i, _) in enumerate(data.noisy_joints) if data.data.joints[i].motion == FLANGE
+    ]
+    joints = {data.noisy_joints[k][0] for k in parts}
+    if len(joints) != 1 or groups.poses < _FEWEST_ALIKE:
+        return None
+    X = data.data.X_flange[:, joints.pop()]
+    pose = data.data.observations.pose[data.row]
+    best, most = None, _variances(data, linear, groups, slipped, start, information).likelihood
+    most += DECISIVE
+    for size in _SIZES:
+        sigma = np.zeros(len(start.joint))
+        sigma[parts] = _FIRST_SHARED * start.joint[parts]
+        alike = AlikeErrors(alike_basis(X, size), sigma, start.joint)
+        noise = replace(start, joint=np.where(sigma > 0.0, _FIRST_ALONE, 1.0) * start.joint)
+        for _ in range(_ALIKE_ROUNDS):
+            columns = alike.columns(linear.by_joint, pose)
+            wider = replace(linear, J=np.vstack([linear.J, columns.T]))
+            known = np.append(information, np.ones(columns.shape[1]))
+            found = _variances(data, wider, groups, slipped, noise, known)
+            noise = TreeNoise(found.sensor, found.joint)
+            if found.likelihood > most:
+                both, most = np.hypot(found.joint, alike.sigma), found.likelihood
+                best = TreeNoise(found.sensor, both, replace(alike, alone=found.joint))
+            told = _asked_for(data, wider, groups, slipped, noise, known)
+            alike = replace(alike, sigma=_as_told(alike, told, data.noisy_joints))
+    return best
+
+
+def _asked_for(
+    data: TreeObservations,
+    linear: TreeLinear,
+    groups: PoseGroups,
+    slipped: NDArray | None,
+    noise: TreeNoise,
+    information: NDArray,
+) -> tuple[NDArray, NDArray]:
+    """Return what residuals ask of parameters N(0, 1), and the variances of that. Shapes (P,)."""
+    whitening = tree_whitening(data, linear, groups, noise, slipped)
+    both = np.vstack([linear.r, linear.J]) / noise.sensor[data.noise_group]
+    white = whitening.white(both.T[:, None])
+    C = covariance_told_by(white[:, 1:].T @ white[:, 1:] + np.diag(information))
+    return -C @ (white[:, 1:].T @ white[:, 0]), np.diag(C)
+
+
+def _as_told(
+    alike: AlikeErrors, told: tuple[NDArray, NDArray], noisy: Sequence[tuple[int, int]]
+) -> NDArray:
+    """Return standard deviations as w asks for them, those of turns and of places alike. (m,)."""
+    own = np.flatnonzero(alike.sigma > 0.0)
+    mean, variance = (one[-len(own) * alike.basis.shape[1] :].reshape(len(own), -1) for one in told)
+    out = alike.sigma.copy()
+    turns = np.array([noisy[k][1] < 3 for k in own.tolist()])
+    for group in (turns, ~turns):
+        # v <- |w|^2 / (n - tr C), in units of v (MacKay 1992).
+        size = np.sum(mean[group] ** 2) / max(float(np.sum(1.0 - variance[group])), 1e-6)
+        out[own[group]] *= float(np.sqrt(max(size, 1e-6)))
+    return out
+
+
+def _variances(
+    data: TreeObservations,
+    linear: TreeLinear,
+    groups: PoseGroups,
+    slipped: NDArray | None,
+    start: TreeNoise,
+    information: NDArray,
+) -> Variances:
     residuals = LinearResiduals(
         groups,
         groups.gather(linear.r[:, None]),
@@ -101,8 +239,7 @@ def likeliest_noise(
     floor = np.append(_LEAST_SHARE * rms, np.full(counts, _LEAST_SHARE / max(lever, 1e-12)))
     known = np.zeros(len(group))
     search = VarianceSearch(residuals, known, group, np.maximum(floor, 1e-12), data.sigma_held)
-    found = search.run(start.sensor, start.joint)
-    return TreeNoise(found.sensor, found.joint)
+    return search.run(start.sensor, start.joint)
 
 
 def _rms_by_group(r: NDArray, data: TreeObservations, kept: NDArray) -> NDArray:

@@ -52,6 +52,11 @@ def information_of(priors: Priors, names: Sequence[str]) -> NDArray:
     return np.array([priors[name][1] ** -2.0 if name in priors else 0.0 for name in names])
 
 
+def pull_of(priors: Priors, names: Sequence[str], values: Mapping[str, float]) -> NDArray:
+    """Return how far means are from what is free, 0 where nothing is known of it. Shape (k,)."""
+    return np.array([priors[n][0] - values[n] if n in priors else 0.0 for n in names])
+
+
 def are_alike(one: Priors, other: Priors) -> bool:
     """Whether no standard deviation changed."""
     return all(abs(np.log(one[name][1] / other[name][1])) < _ALIKE for name in one)

@@ -12,8 +12,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.noise.alike_errors import Decorrelation
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
-from nico_selfmodel.estimation.noise.pose_noise import FREE_SIGMA, PoseNoise, PoseWhitening
+from nico_selfmodel.estimation.noise.pose_noise import PoseWhitening
+from nico_selfmodel.estimation.tree import tree_priors
 from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
 from nico_selfmodel.estimation.tree.forward.joint_errors import joint_errors
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
@@ -26,24 +28,20 @@ from nico_selfmodel.estimation.tree.pose_tests import (
 )
 from nico_selfmodel.estimation.tree.tree_block import TreeBlock
 from nico_selfmodel.estimation.tree.tree_noise import (
+    likeliest_alike,
     likeliest_noise,
     robust_weights,
     standing_out,
+    tree_whitening,
 )
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
-from nico_selfmodel.estimation.tree.tree_priors import (
-    are_alike,
-    information_of,
-    likeliest_priors,
-    prior_rows,
-)
 from nico_selfmodel.estimation.tree.tree_setup import Alike, Priors
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 from nico_selfmodel.optimization.losses import Loss
 
-_ROUNDS = 6
-"""Of variances, outliers and solution."""
+_ROUNDS, _SHARED_ROUNDS = 6, 2
+"""Of variances, outliers and solution, and of what poses share."""
 _STEPS_BETWEEN = 8
 _ROUGH_ROUNDS, _ROUGH_STEPS = 10, 6
 _FIRST_JOINT = np.radians(0.1)
@@ -76,7 +74,7 @@ class TreeProblem:
             alike: Groups of parameters whose priors have one standard deviation, which is learned.
         """
         self.alike = tuple(alike)
-        self._noise_known = noise_known
+        self._noise_known, self._joint_part = noise_known, 1.0
         self.poses: NDArray | None = None
         """Whole poses at the last solution, where the search for the next ones begins."""
         self._last: tuple[bytes, TreeLinear] | None = None
@@ -121,8 +119,8 @@ class TreeProblem:
             return None
         nothing = np.zeros(len(data.data.observations), dtype=bool)
         linear = self._linear(values, nothing)
-        by_joint = np.where(self.observations.unread, linear.by_joint, 0.0)
-        return self._whitening(replace(linear, by_joint=by_joint), data.groups(nothing), None)
+        linear = replace(linear, by_joint=np.where(data.unread, linear.by_joint, 0.0))
+        return tree_whitening(data, linear, data.groups(nothing), self.noise)
 
     def linear_at(self, values: NDArray, poses: NDArray | None) -> TreeLinear:
         """Return residuals and derivatives; those of the last place are kept.
@@ -171,7 +169,7 @@ class TreeProblem:
         """Return weights of all scalars and the robust cost, sum of k log(scale) and rho."""
         r = self.residuals.residuals(values) / self.scale
         weight, cost = robust_weights(self.observations, r)
-        rest = prior_rows(self.priors, self.free_names, self._by_name(values))[1]
+        rest = tree_priors.prior_rows(self.priors, self.free_names, self._by_name(values))[1]
         return weight, cost + float(rest @ rest)
 
     def refine(
@@ -189,9 +187,8 @@ class TreeProblem:
             ContradictedError: If every observation is an outlier.
         """
         data = self.observations
-        found = outliers
-        if found is None:
-            found = standing_out(data, self.residuals.residuals(values) / self.scale)
+        left = self.residuals.residuals(values) / self.scale
+        found = standing_out(data, left) if outliers is None else outliers
         found = found if trim else np.zeros_like(found)
         groups = self.observations.groups(found)
         slipped = np.zeros((groups.poses, len(data.noisy_joints)), dtype=bool)
@@ -202,26 +199,45 @@ class TreeProblem:
             known = self._noise_known or equations - len(self.columns) >= LEAST_REDUNDANCY
             before = self.noise
             if known and not self._noise_known:
-                self.noise = self._likeliest(linear, groups, slipped, values)
-            whitening = self._whitening(linear, groups, slipped)
+                noise = likeliest_noise(*self._asking(linear, groups, slipped, values))
+                self.noise = TreeNoise(noise.sensor, self._joint_part * noise.joint)
+            whitening = tree_whitening(self.observations, linear, groups, self.noise, slipped)
             solution = self.program(values, whitening, linear.pulled).solve(
                 max_iterations=_STEPS_BETWEEN, tolerance=1e-7
             )
             values, steps = self._with(values, solution.x), steps + solution.iterations
             linear = self._about_poses(values, groups, slipped, found)
-            now_slipped, now_found, priors = slipped, found, self.priors
-            if known:
-                self._learn_priors(values, found, slipped)
+            now_slipped, now_found = slipped, found
+            settled = not known or self._learned_priors(values, found, slipped)
             if known and trim:
-                now_slipped, now_found = self._tested(linear, groups, slipped, found)
+                now_slipped, now_found = self._tested(linear, groups, found)
             new = self.observations.groups(now_found)
             same = np.array_equal(now_found, found) and np.array_equal(now_slipped, slipped)
             check_that_some_agree(new, data, now_found)
-            slipped, found = regrouped(now_slipped, groups, new), now_found
-            groups = new
-            if same and self.noise.is_like(before) and are_alike(priors, self.priors):
+            slipped, found, groups = regrouped(now_slipped, groups, new), now_found, new
+            if same and self.noise.is_like(before) and settled:
                 break
+        if known and not self._noise_known:
+            self._share(values, groups, slipped, found)
         return self._finish(values, slipped, found, known, steps)
+
+    def _share(
+        self, values: NDArray, groups: PoseGroups, slipped: NDArray, outliers: NDArray
+    ) -> None:
+        """Let poses that are alike share errors where they do."""
+        for _ in range(_SHARED_ROUNDS):
+            linear = self._linear(values, outliers)
+            found = likeliest_alike(*self._asking(linear, groups, slipped, values))
+            if found is None:
+                break
+            self.noise = found
+            whitening = tree_whitening(
+                self.observations, linear, groups, self.noise, slipped, joined=True
+            )
+            solution = self.program(values, whitening, linear.pulled).solve(
+                max_iterations=_STEPS_BETWEEN, tolerance=1e-7
+            )
+            values = self._with(values, solution.x)
 
     def solve_from(self, before: TreeSolution) -> TreeSolution:
         """Solve where an adjustment of less that was free ended, its noise and outliers kept.
@@ -229,26 +245,16 @@ class TreeProblem:
         Args:
             before: Of the same observations; its values are of these parameters.
         """
-        numbers = self.observations.groups(before.outliers).numbers
-        slipped = self._slipped_at(before, numbers)
-        known = before.variances_known
+        slipped = before.slipped_in(self.observations.groups(before.outliers).numbers)
         self.noise = before.noise
-        return self._finish(before.values, slipped, before.outliers, known)
-
-    def _slipped_at(self, solution: TreeSolution, numbers: NDArray) -> NDArray:
-        """Return what slipped in visits of some numbers. Shape (visits, m)."""
-        known = solution.slipped
-        slipped = np.zeros((len(numbers), known.shape[1]), dtype=bool)
-        real = numbers < len(known)
-        slipped[real] = known[numbers[real]]
-        return slipped
+        return self._finish(before.values, slipped, before.outliers, before.variances_known)
 
     def _about_poses(
         self, values: NDArray, groups: PoseGroups, slipped: NDArray, outliers: NDArray
     ) -> TreeLinear:
         """Take joints to be where each pose shows them; return what is linear there."""
         linear = self._linear(values, outliers)
-        whitening = self._whitening(linear, groups, slipped)
+        whitening = tree_whitening(self.observations, linear, groups, self.noise, slipped)
         loose = self.observations.unread_in(groups.poses, slipped)
         self._err(joint_errors(self.observations, whitening, linear.r / self.scale, loose))
         return self._linear(values, outliers)
@@ -262,11 +268,13 @@ class TreeProblem:
     ) -> TreeSolution:
         groups = self.observations.groups(outliers)
         linear = self._about_poses(values, groups, slipped, outliers)
-        whitening = self._whitening(linear, groups, slipped)
+        whitening = tree_whitening(
+            self.observations, linear, groups, self.noise, slipped, joined=True
+        )
         solution = self.program(values, whitening, linear.pulled).solve(tolerance=1e-8)
         values = self._with(values, solution.x)
-        rows, white = self._whitened(values, outliers, slipped)
-        prior, rest = prior_rows(self.priors, self.free_names, self._by_name(values))
+        rows, white, shared = self._whitened(values, outliers, slipped)
+        prior, rest = tree_priors.prior_rows(self.priors, self.free_names, self._by_name(values))
         if self.observations.data.free_joints:
             self.residuals = self.residuals.about(self.residuals.parameters, self.poses)
         by_visit = np.zeros((self.observations.visits, slipped.shape[1]), dtype=bool)
@@ -285,15 +293,16 @@ class TreeProblem:
             np.append(white, rest),
             solution.history,
             self.residuals.joint_errors,
+            shared,
         )
 
     def _whitened(
         self,
         values: NDArray,
         outliers: NDArray,
-        slipped: NDArray,
+        slipped: NDArray | None,
         beside: NDArray | None = None,
-    ) -> tuple[NDArray, NDArray]:
+    ) -> tuple[NDArray, NDArray, Decorrelation | None]:
         """Return whitened derivatives by what is free, and residuals, of what counts."""
         groups = self.observations.groups(outliers)
         linear = self._linear(values, outliers)
@@ -301,10 +310,13 @@ class TreeProblem:
         by_all = linear.J[self.columns]
         by_all = by_all if beside is None else np.vstack([by_all, beside.T])
         J = (by_all / self.scale)[:, None]
-        white, slopes = self._whitening(linear, groups, slipped).whiten(r, J)
+        whitening = tree_whitening(
+            self.observations, linear, groups, self.noise, slipped, joined=True
+        )
+        white, slopes = whitening.whiten(r, J)
         keep = np.zeros(len(self.observations.row), dtype=bool)
         keep[groups.rows] = True
-        return slopes[:, 0, keep].T, white[0, keep]
+        return slopes[:, 0, keep].T, white[0, keep], whitening.shared_by_row
 
     def whitened_at(
         self, solution: TreeSolution, beside: NDArray | None = None
@@ -321,30 +333,28 @@ class TreeProblem:
             (k,).
         """
         self._err(solution.joint_errors)
-        numbers = self.observations.groups(solution.outliers).numbers
-        slipped = self._slipped_at(solution, numbers)
-        return self._whitened(solution.values, solution.outliers, slipped, beside)
+        slipped = solution.slipped_in(self.observations.groups(solution.outliers).numbers)
+        return self._whitened(solution.values, solution.outliers, slipped, beside)[:2]
 
     def whitened_start(self) -> NDArray:
         """Return whitened derivatives where the parameters begin, all that was seen counted."""
         nothing = np.zeros(len(self.observations.data.observations), dtype=bool)
-        visits = self.observations.groups(nothing).poses
-        slipped = np.zeros((visits, len(self.observations.noisy_joints)), dtype=bool)
-        return self._whitened(self.residuals.parameters.start, nothing, slipped)[0]
+        return self._whitened(self.residuals.parameters.start, nothing, None)[0]
 
     def noise_at(self, solution: TreeSolution) -> TreeNoise:
         """Return the noise that residuals ask for where another problem's adjustment ended."""
         groups = self.observations.groups(solution.outliers)
-        slipped = np.zeros((groups.poses, len(self.observations.noisy_joints)), dtype=bool)
         linear = self._linear(solution.values, solution.outliers)
-        return self._likeliest(linear, groups, slipped, solution.values)
+        return likeliest_noise(*self._asking(linear, groups, None, solution.values))
 
-    def _learn_priors(self, values: NDArray, outliers: NDArray, slipped: NDArray) -> None:
-        """Let priors be as wide as the data ask for, where they are learned."""
-        if self.alike:
-            white = self._whitened(values, outliers, slipped)
-            now = self._by_name(values)
-            self.priors = likeliest_priors(self.priors, self.alike, self.free_names, now, white)
+    def _learned_priors(self, values: NDArray, outliers: NDArray, slipped: NDArray) -> bool:
+        """Let priors be as wide as the data ask for; return whether they were."""
+        if not self.alike:
+            return True
+        white, now = self._whitened(values, outliers, slipped)[:2], self._by_name(values)
+        before, known = self.priors, (self.priors, self.alike, self.free_names)
+        self.priors = tree_priors.likeliest_priors(*known, now, white)
+        return tree_priors.are_alike(before, self.priors)
 
     def _by_name(self, values: NDArray) -> dict[str, float]:
         return dict(zip(self.free_names, values[self.columns].tolist(), strict=True))
@@ -354,43 +364,37 @@ class TreeProblem:
         out[self.columns] = x
         return out
 
-    def _whitening(
-        self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray | None
-    ) -> PoseWhitening:
-        by_joint = (linear.by_joint / self.scale[:, None])[:, None]
-        loose = self.observations.unread_in(groups.poses, slipped)
-        return PoseWhitening(groups, by_joint, PoseNoise(1.0, self.noise.joint), loose)
-
-    def _likeliest(
-        self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray, values: NDArray
-    ) -> TreeNoise:
-        """Return the noise that the residuals ask for, with what fitting took from them."""
+    def _asking(
+        self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray | None, values: NDArray
+    ) -> tuple[TreeObservations, TreeLinear, PoseGroups, NDArray | None, TreeNoise, NDArray]:
+        """Return what residuals are asked for their noise by, with what fitting took from them."""
         # A robot's description says nothing here: where it is wrong, a noise that made up for that
         # would make it weigh more still. What bends has priors that follow the data.
         bends = range(*self.residuals.parameters.bends.indices(len(values)))
         names, J = self.residuals.parameters.names, linear.J[self.columns]
         priors = {names[i]: self.priors[names[i]] for i in bends if names[i] in self.priors}
-        known = information_of(priors, self.free_names)
-        rows, rest = prior_rows(priors, self.free_names, self._by_name(values))
-        pull = -np.where(known > 0.0, rows.T @ rest / np.maximum(known, np.finfo(float).tiny), 0.0)
+        known = tree_priors.information_of(priors, self.free_names)
+        pull = tree_priors.pull_of(priors, self.free_names, self._by_name(values))
         own = replace(linear, r=linear.r + pull @ J, J=J)
         loose = self.observations.unread_in(groups.poses, slipped)
-        return likeliest_noise(self.observations, own, groups, loose, self.noise, known)
+        return self.observations, own, groups, loose, self.noise, known
 
     def _tested(
-        self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray, outliers: NDArray
+        self, linear: TreeLinear, groups: PoseGroups, outliers: NDArray
     ) -> tuple[NDArray, NDArray]:
         """Return what slipped and what is an outlier at the solution."""
-        plain = self._whitening(linear, groups, np.zeros_like(slipped))
+        plain = tree_whitening(self.observations, linear, groups, self.noise)
         r, J = linear.r / self.scale, (linear.J[self.columns] / self.scale).T
-        prior = information_of(self.priors, self.free_names)
-        found = slipped_joints(plain, r, J, prior) & ~self.observations.unread
-        whitening = self._whitening(linear, groups, found)
-        loose = np.vstack([found, np.zeros((1, found.shape[1]), dtype=bool)])
-        loose |= self.observations.unread
-        visit = groups.of(np.ones(len(r), dtype=bool))
-        sigma = np.where(loose[visit], FREE_SIGMA, self.noise.joint)
-        by_joint = linear.by_joint / self.scale[:, None] * sigma
-        seen = self.observations
-        far = far_observations(seen, whitening, r, J, by_joint, prior, outliers, linear.took)
+        prior = tree_priors.information_of(self.priors, self.free_names)
+        found, part = slipped_joints(plain, r, J, prior)
+        found &= ~self.observations.unread
+        self._joint_part = 1.0 if part is None else part * self._joint_part
+        whitening = tree_whitening(self.observations, linear, groups, self.noise, found)
+        far = far_observations(
+            *(self.observations, whitening, r, J, prior, outliers),
+            by_joint=linear.by_joint / self.scale[:, None],
+            sigma=self.noise.joint,
+            slipped=found,
+            took=linear.took,
+        )
         return found, far

@@ -18,14 +18,24 @@ from nico_selfmodel.estimation.results.calibration_result import (
 )
 from nico_selfmodel.estimation.results.provenance import package_versions
 from nico_selfmodel.estimation.results.unobservable_words import name_unobservable
+from nico_selfmodel.estimation.tree.guesses.hand_eye import only_axis
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
-from nico_selfmodel.estimation.tree.tree_findings import SCALE, noise_by_name, tree_findings
+from nico_selfmodel.estimation.tree.tree_findings import (
+    SCALE,
+    alike_errors,
+    noise_by_name,
+    tree_findings,
+)
+from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, TURNS
 from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.model.tree.body_model import BodyModel
-from nico_selfmodel.model.tree.body_tree import FREE, REVOLUTE
+from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, REVOLUTE
 from nico_selfmodel.model.tree.free_joints import body_alone
+from nico_selfmodel.optimization.uncertainty import UnobservableDirection
 
+_ALIGNED = 0.95
+"""Cosine of an open way with an axis from which on it is along it."""
 _TERMS = Terms(
     outlier_cause="body, sensors, or what was recorded are not what the data set says",
     worse_cause="something changed between the recordings, or the body bends",
@@ -162,11 +172,48 @@ def _parameters(calibration: TreeCalibration) -> dict[str, Parameter]:
 
 def _unobservable(calibration: TreeCalibration) -> tuple[str, ...]:
     words = [
-        f"{name_unobservable(direction)}: record poses that move it apart from the others, or fix "
-        f"`{direction.names[0]}`"
+        _along_one_axis(calibration, direction)
+        or f"{name_unobservable(direction)}: record poses that move it apart from the others, or "
+        f"fix `{direction.names[0]}`"
         for direction in calibration.uncertainty.unobservable
     ]
+    words = list(dict.fromkeys(words))
     return tuple(words if calibration.setup.scale_from is not None else [SCALE, *words])
+
+
+def _along_one_axis(calibration: TreeCalibration, direction: UnobservableDirection) -> str:
+    """Say what is open because a flange only turns about one axis; empty where that is not why."""
+    data, tree = calibration.data, calibration.tree
+    for i, (name, motion) in enumerate(zip(tree.joints, tree.motions, strict=True)):
+        axis = only_axis(data.X_flange[:, i]) if motion == FLANGE else None
+        if axis is None:
+            continue
+        along = data.X_flange[0, i, :3, :3].T @ axis
+        for item in (*tree.markers, *tree.sensors):
+            how = _moved_along(direction, item.name, along) if item.on == i else ""
+            if how:
+                x, y, z = (axis.round(2) + 0.0).tolist()  # never -0.00
+                return (
+                    f"all turns of {name!r} are about one axis, ({x:.2f}, {y:.2f}, {z:.2f}) in its "
+                    f"base: how far {item.name!r} is {how} cannot be told from where "
+                    f"{calibration.setup.world!r} is: record poses that are turned about a second "
+                    "axis, by 30 deg or more"
+                )
+    return ""
+
+
+def _moved_along(direction: UnobservableDirection, item: str, axis: NDArray) -> str:
+    """Return how an open direction moves what a flange carries; empty where it does not."""
+    shares = dict(zip(direction.names, direction.shares.tolist(), strict=True))
+    shift, turn = (np.array([shares.get(f"{item}.{part}", 0.0) for part in parts])
+                   for parts in (SHIFTS, TURNS))  # fmt: skip
+    if not (shift.any() or turn.any()):
+        return ""
+    if not turn.any() and abs(shift @ axis) > _ALIGNED * np.linalg.norm(shift):
+        return "shifted along it"
+    if not shift.any() and abs(turn @ axis) > _ALIGNED * np.linalg.norm(turn):
+        return "turned about it"
+    return "shifted along it and turned about it"
 
 
 def _details(calibration: TreeCalibration) -> dict[str, Any]:
@@ -184,6 +231,7 @@ def _details(calibration: TreeCalibration) -> dict[str, Any]:
         },
         "noise": dict(noise_by_name(calibration)),
         "noise_known": solution.variances_known,
+        "alike_errors": alike_errors(calibration),
         "slips": {
             joints[i].name: count
             for (i, part), count in zip(observations.noisy_joints, slipped.tolist(), strict=True)

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.noise.alike_errors import AlikeErrors, Decorrelation
+
 _SETTLED = 0.02
 """Relative change of a sigma below which it is the same."""
 
@@ -16,7 +18,9 @@ class TreeNoise:
     sensor: NDArray
     """Standard deviations of the noise groups [m, rad or px]. Shape (G,)."""
     joint: NDArray
-    """Standard deviations of what is read [rad or m]. Shape (m,)."""
+    """Standard deviations of what is read, all that disturbs it together [rad or m]. Shape (m,)."""
+    alike: AlikeErrors | None = None
+    """What of it poses share with poses that are alike; None where each pose has its own."""
 
     def is_like(self, other: "TreeNoise") -> bool:
         """Whether no standard deviation changed."""
@@ -52,3 +56,12 @@ class TreeSolution:
     joint_errors: NDArray | None = None
     """How far joints were taken to be from their readings at each sample, about which all this is
     linear: see `joint_errors`; None for not at all. Shape (samples, m)."""
+    shared: Decorrelation | None = None
+    """What takes errors that poses share out of the rows but priors'; None where none are."""
+
+    def slipped_in(self, visits: NDArray) -> NDArray:
+        """Return what slipped in visits of some numbers. Shape (v,) -> boolean, (v, m)."""
+        slipped = np.zeros((len(visits), self.slipped.shape[1]), dtype=bool)
+        real = visits < len(self.slipped)
+        slipped[real] = self.slipped[visits[real]]
+        return slipped

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
-from nico_selfmodel.estimation.noise.pose_noise import PoseNoise, PoseWhitening
+from nico_selfmodel.estimation.noise.pose_noise import PoseWhitening
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
-from nico_selfmodel.estimation.tree.tree_noise import likeliest_noise
+from nico_selfmodel.estimation.tree.tree_noise import likeliest_noise, tree_whitening
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import BodyParameters
 from nico_selfmodel.estimation.tree.tree_priors import prior_rows
@@ -110,9 +110,7 @@ class WeighedTree:
 
     @cached_property
     def _whitening(self) -> PoseWhitening:
-        by_joint = (self.linear.by_joint / self._scale[:, None])[:, None]
-        loose = self.seen.unread_in(self._groups.poses)
-        return PoseWhitening(self._groups, by_joint, PoseNoise(1.0, self.noise.joint), loose)
+        return tree_whitening(self.seen, self.linear, self._groups, self.noise)
 
     @cached_property
     def _columns(self) -> NDArray:

@@ -16,6 +16,8 @@ from nico_selfmodel.geometry.transform import inverse, transform
 _LEAST_TURN = np.radians(5.0)
 """Turns below this tell little of an axis."""
 _MOST_PAIRS = 4000
+_ONE_AXIS = 0.05
+"""Part of the turns about one axis that those about others must reach to be a second one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +64,24 @@ class HandEye:
             nearest_rotation(each[:, :3, :3].sum(axis=0)), np.median(each[:, :3, 3], axis=0)
         )
         return cls(X, Z)
+
+
+def only_axis(F: NDArray) -> NDArray | None:
+    """Return the axis about which poses turn against each other; None where they have two or more.
+
+    Args:
+        F: Poses of a flange in its base. Shape (K, 4, 4).
+
+    Returns:
+        Unit, in the base, its largest part positive. Shape (3,).
+    """
+    i, j = _pairs(len(F))
+    turns = rotation_vectors_of(F[j, :3, :3] @ np.swapaxes(F[i, :3, :3], 1, 2))
+    _, sizes, axes = np.linalg.svd(turns, full_matrices=False)
+    if not sizes[0] > 0.0 or sizes[1] > _ONE_AXIS * sizes[0]:
+        return None
+    axis = axes[0]
+    return np.asarray(axis * np.sign(axis[np.argmax(np.abs(axis))]))
 
 
 def _pairs(count: int) -> tuple[NDArray, NDArray]:
