@@ -1,6 +1,6 @@
 """How well a solution is known: covariance, correlations, rank, unobservable directions."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -81,6 +81,10 @@ class Uncertainty:
             rank=self.rank - 1,
             unobservable=(*self.unobservable, UnobservableDirection(names, share, np.inf)),
         )
+
+    def told_together(self, names: Iterable[str]) -> "Uncertainty":
+        """Return the same with no sigma of parameters of which only all together are told."""
+        return replace(self, sigma=np.where(np.isin(self.names, list(names)), np.inf, self.sigma))
 
     @classmethod
     def from_jacobian(
