@@ -61,7 +61,7 @@ class CalibrationProgram:
         self._names: list[str] = []
         self._variables: list[Any] = []
         self._terms: list[_Term] = []
-        self._priors: list[tuple[int, float, float]] = []
+        self._priors: dict[int, tuple[float, float]] = {}
         self._fixed: dict[str, Any] = {}
         self._cost: Any = None
 
@@ -134,20 +134,20 @@ class CalibrationProgram:
             self.prog.RemoveConstraint(pin)
 
     def add_prior(self, name: str, mean: float, sigma: float) -> None:
-        """Add ((x - mean) / sigma)^2 to the sum of squares.
+        """Add ((x - mean) / sigma)^2 to the sum of squares; replaces a variable's earlier prior.
 
         Raises:
             ValueError: If sigma is not positive.
         """
         if not sigma > 0.0:
             raise ValueError(f"the sigma of a prior must be positive, got {sigma} for {name}")
-        self._priors.append((self.index(name), float(mean), float(sigma)))
+        self._priors[self.index(name)] = float(mean), float(sigma)
         self._renew_cost()
 
     @property
     def priors(self) -> dict[str, tuple[float, float]]:
         """Mean and sigma of the variables that have a prior."""
-        return {self._names[index]: (mean, sigma) for index, mean, sigma in self._priors}
+        return {self._names[index]: prior for index, prior in self._priors.items()}
 
     def add_residuals(self, block: ResidualBlock, loss: Loss | None = None) -> int:
         """Add a residual block; its variables must exist. Returns its number, for `set_loss`."""
@@ -241,7 +241,7 @@ class CalibrationProgram:
             flat = jacobian.reshape(len(term.columns), -1)
             gradient[term.columns] += flat @ r.ravel()
             hessian[np.ix_(term.columns, term.columns)] += flat @ flat.T
-        for index, mean, sigma in self._priors:
+        for index, (mean, sigma) in self._priors.items():
             z = (x[index] - mean) / sigma
             cost += 0.5 * z * z
             gradient[index] += z / sigma

@@ -1,6 +1,6 @@
 """How well a solution is known: covariance, correlations, rank, unobservable directions."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -127,6 +127,10 @@ class Uncertainty:
         share = np.full(len(names), len(names) ** -0.5)
         direction = UnobservableDirection(names, share, np.inf)
         return replace(found, rank=self.rank - 1, unobservable=(*self.unobservable, direction))
+
+    def told_together(self, names: Iterable[str]) -> "Uncertainty":
+        """Return the same with no sigma of parameters of which only all together are told."""
+        return replace(self, sigma=np.where(np.isin(self.names, list(names)), np.inf, self.sigma))
 
     @classmethod
     def from_jacobian(

@@ -9,7 +9,7 @@ from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoD
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.observations.hand_pixels import project_to_cameras
-from nico_selfmodel.model.cameras import fisheye, lens
+from nico_selfmodel.model.cameras import fisheye
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import LENSES, intrinsics_of, project_in_camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
@@ -174,14 +174,3 @@ def test_pixels_have_slopes_in_drakes_scalars(camera, place):
     expected = camera.projection(np.array([place]))
     assert ExtractValue(pixels).ravel() == pytest.approx(expected.pixels[0], abs=1e-9)
     assert ExtractGradient(pixels) == pytest.approx(expected.by_point[0], abs=1e-6)
-
-
-def test_a_pole_and_a_zero_that_cancel_are_found():
-    plain = np.array([0.8, 0.12, 0.002, 1.1, 0.3, 0.02])
-    assert lens.cancelling_radius(plain) is None
-    above, below = (np.polynomial.Polynomial([1.0, *part]) for part in ((0.5, 0.1), (0.8, 0.2)))
-    pole, zero = (np.polynomial.Polynomial([1.0, -1.0 / r2]) for r2 in (4.0, 4.08))
-    k = np.concatenate([(above * zero).coef[1:], (below * pole).coef[1:]])
-    assert lens.cancelling_radius(k) == pytest.approx(2.0)
-    r2 = np.array([0.0, 1.0, 2.0])
-    assert lens.radial(r2, k)[0] == pytest.approx(above(r2) / below(r2), rel=0.03)

@@ -14,6 +14,6 @@ def whitened_jacobian(program, x):
         weighted = jacobian * np.sqrt(_weigh(term, r)[1])
         full[:, term.columns] = weighted.reshape(len(term.columns), -1).T
         rows.append(full)
-    for index, _, sigma in program._priors:
+    for index, (_, sigma) in program._priors.items():
         rows.append(np.eye(1, len(x), index) / sigma)
     return np.vstack(rows)

@@ -143,6 +143,17 @@ def test_tags_of_another_size_are_named(tag, prints):
     assert re.match(rf"the tags are 4[34]\.\d mm wide where --tag-mm says {tag}", seen.reason)
 
 
+@pytest.mark.parametrize("seed", slow_rest([5, 6, 9, 33], plain=1))
+def test_a_fisheye_makes_no_tag_another_size(seed, prints):
+    rng = np.random.default_rng(seed)
+    fisheye = printed_boards.Lens((241.0,) * 2, (399.5, 299.5), (0.02, -0.01, 0.0, 0.0), True)
+    pose = {"fill": rng.uniform(0.6, 0.95), "tilt": 0.7, "spread": np.radians(65), "lens": fisheye}
+    photo = printed_boards.photographed(prints["april"], APRIL.points, rng, **pose)
+    seen = APRIL.find(photo.image, 11)
+    assert np.count_nonzero(seen.seen) > 20
+    assert np.nanmax(np.abs(seen.corners - photo.pixels)) < 0.06
+
+
 @pytest.mark.slow
 def test_a_board_of_another_width_is_not_seen(prints):
     image = photograph("charuco", 2, prints, hidden=0.0).image

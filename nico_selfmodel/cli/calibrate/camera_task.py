@@ -113,7 +113,7 @@ class CameraTask:
         document = stamped(to_json(assessment, verdict)) | {"detection": found.document}
         document["lens"] = choice.as_plain()
         progress("learning the cameras", 2, 2)
-        model = calibration.self_model(name, found.provenance)
+        model = assessment.calibration.self_model(name, found.provenance)
         if self.no_report:
             return model, NoReport(document)
         # Drawing is slow to load, and only needed once there is something to draw.

@@ -26,7 +26,7 @@ OUTLIER_RATIO = 10.0
 """A board whose rms is this many times the rest's is called an outlier."""
 _LOOSE = 100.0
 """How much more uncertain than others a coefficient of a rational lens is before it counts."""
-_RATIONAL = 3.0
+_RATIONAL = 10.0
 """Standard deviation of k4, k5, k6 about 0, in units of what they do at the image's corner."""
 _SHARP = 0.02
 """Share by which a pixel's standard deviation may be off where priors are weighed."""
@@ -138,11 +138,8 @@ class Adjustment:
         self.held = options.held(self.block.shared_names)
         for name, value in self.held.items():
             self.program.fix(name, value)
-        priors = by_full_name(options.priors, self.block.shared_names)
-        priors = _rational_priors(views, cameras) | priors
-        for name, (mean, sigma) in priors.items():
-            if name not in self.held:
-                self.program.add_prior(name, mean, sigma)
+        self.stated = by_full_name(options.priors, self.block.shared_names)
+        self._set_priors()
         self.solution: RobustSolution | None = None
 
     @property
@@ -188,6 +185,7 @@ class Adjustment:
         What priors weigh against the corners depends on how sharp these are, which the start tells,
         or the solution where the start was too far off.
         """
+        self._set_priors()
         if self.program.priors:
             self.block.sigma = self._sharpness(self.x, np.ones(len(self.views), dtype=bool))
         for _ in range(_ROUNDS):
@@ -199,6 +197,13 @@ class Adjustment:
             if abs(sigma - before) <= _SHARP * sigma:
                 return
             self.block.sigma = sigma
+
+    def _set_priors(self) -> None:
+        """Set the priors that were stated, and those of rational lenses as wide as they are."""
+        priors = _rational_priors(self.views, self.cameras) | self.stated
+        for name, (mean, sigma) in priors.items():
+            if name not in self.held:
+                self.program.add_prior(name, mean, sigma)
 
     def _solved(self, loss: str) -> RobustSolution:
         """Return one solution with corners as sharp as they are thought to be."""

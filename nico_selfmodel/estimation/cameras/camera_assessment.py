@@ -17,9 +17,9 @@ from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibratio
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions, lens_word
 from nico_selfmodel.estimation.cameras.known_cameras import KnownCameras, other_scale
 from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
+from nico_selfmodel.estimation.cameras.lens_fractions import with_told_sigmas
 from nico_selfmodel.estimation.cameras.lens_misfit import LensMisfit, lens_misfits
 from nico_selfmodel.estimation.cameras.projection_uncertainty import ProjectionUncertainty
-from nico_selfmodel.model.cameras.lens import cancelling_radius
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL, RATIONAL
 from nico_selfmodel.model.self_model import SelfModel
 
@@ -85,6 +85,7 @@ class CameraAssessment:
             DataError, EstimationError, ModelError: If the known cameras cannot have seen them.
         """
         options = options or CameraOptions()
+        calibration = with_told_sigmas(calibration, options)
         views, inliers = calibration.views, ~calibration.outliers
         if left_out is None or not inliers.all():
             left_out = cross_validate_cameras(calibration, options, inliers)
@@ -142,7 +143,7 @@ class CameraAssessment:
         return (
             *_folds_by_chance(self.calibration),
             *_weak_parameters(self.calibration),
-            *_cancelling(self.calibration),
+            *_told_together(self.calibration),
             *_coverage_warnings(self.calibration),
             *(words_of_misfit(m, self.lens_of(m.camera)) for m in self.misfits if _is_slight(m)),
             *([] if scale is None else [scale]),
@@ -166,16 +167,21 @@ def _weak_parameters(calibration: CameraCalibration) -> list[str]:
     return words
 
 
-def _cancelling(calibration: CameraCalibration) -> list[str]:
+def _told_together(calibration: CameraCalibration) -> list[str]:
     """Say where coefficients of a rational lens stand for each other."""
     words = []
     for name, camera in zip(calibration.views.cameras, calibration.cameras, strict=True):
-        radius = cancelling_radius(camera.k) if camera.lens == RATIONAL else None
-        if radius is not None:
+        sigma = {
+            n: s
+            for n, s in zip(calibration.names, calibration.uncertainty.sigma, strict=True)
+            if n.startswith(f"{name}.k")
+        }
+        untold = any(sigma) and np.isinf(list(sigma.values())).all()
+        if camera.lens == RATIONAL and untold and not calibration.uncertainty.unobservable:
             words.append(
-                f"a pole and a zero of the {name} camera's rational lens cancel at a radius of "
-                f"{radius:.2f}: k1 to k6 stand for each other, and sigmas of single ones say "
-                f"little; those of pixels hold; --fix {name}.k6=0 leaves the pair out"
+                f"k1 to k6 of the {name} camera's rational lens stand for each other: a fraction "
+                "of a degree less explains the corners nearly as well, so that only all of them "
+                "together are told, and where pixels lie; they have no sigmas of their own"
             )
     return words
 

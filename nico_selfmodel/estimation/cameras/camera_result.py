@@ -105,8 +105,9 @@ def _details(assessment: CameraAssessment) -> dict[str, Any]:
         },
     }
     if assessment.known is not None:
-        learned = calibration.self_model("learned")
-        details["before"] = assessment.known.changes(learned, camera_parameters(assessment))
+        learned, table = calibration.self_model("learned"), camera_parameters(assessment)
+        told = [name for name, one in table.items() if one.sigma is not None]
+        details["before"] = assessment.known.changes(learned, told)
     pair = assessment.pair
     if pair is None:
         return details | ({"pairs": [_of_pair(assessment, p) for p in pairs]} if pairs else {})

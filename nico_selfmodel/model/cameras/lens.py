@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import ImpossibleModelError
 
 _NEWTON_STEPS = 50
-_CANCELS = 0.05
-"""Distance of a pole from a zero, over its own size, that leaves nearly nothing of both."""
 
 
 def radial(r2: NDArray, k: NDArray) -> tuple[NDArray, NDArray]:
@@ -147,22 +145,6 @@ def largest_radius(k: NDArray) -> float:
     x = np.polynomial.Polynomial([0.0, 1.0])
     slope = N * D + 2.0 * x * (N.deriv() * D - N * D.deriv())
     return min(_first_root(slope.coef[::-1]), _first_root(D.coef[::-1]))
-
-
-def cancelling_radius(k: NDArray) -> float | None:
-    """Return the radius at which a pole and a zero of a rational lens cancel; None where none do.
-
-    Such a pair bends nothing, so that its place is anywhere: single coefficients say nothing then.
-
-    Args:
-        k: Radial coefficients. Shape (6,).
-    """
-    above, below = (np.polynomial.Polynomial([1.0, *part]).roots() for part in (k[:3], k[3:]))
-    for pole in below:
-        near = np.abs(above - pole) < _CANCELS * np.abs(pole)
-        if near.any() and abs(pole.imag) < 1e-9 * abs(pole) and pole.real > 0.0:
-            return float(np.sqrt(pole.real))
-    return None
 
 
 def _first_root(falling: Sequence[float] | NDArray) -> float:

@@ -83,10 +83,13 @@ class AprilGrid(TaggedBoard):
     def _method(self) -> str:
         return METHOD
 
-    @property
-    def _clear(self) -> float:
+    def _clear(self, maps: NDArray) -> NDArray:
+        """Nothing lies between lines on either side, the far edges of what touches."""
         cells = FiducialFamily(self.family).cells + 2 * (BORDER - 1)
-        return min(self.square - self.tag, BORDER / cells * self.tag)
+        clear = min(self.square - self.tag, BORDER / cells * self.tag)
+        lengths = np.linalg.norm(maps, axis=1)
+        area = np.abs(np.linalg.det(maps))
+        return np.asarray(clear * area / np.maximum(lengths.max(axis=1), 1e-12))
 
     def _tags(self, gray: NDArray) -> TagsSeen:
         return seen_tags(gray, self.family, BORDER, apart=False)
@@ -96,10 +99,7 @@ class AprilGrid(TaggedBoard):
         return [self._agreeing(tags.among(range(self.count)))]
 
     def _problem_with(self, found: NDArray) -> str | None:
-        corners = found.reshape(-1, 4, 2)
-        whole = np.flatnonzero(np.isfinite(corners).all(axis=(1, 2)))
-        tags = TagsSeen(self.family, tuple(whole.tolist()), corners[whole])
-        return wrong_tag(self.tag_corners, self.tag, tags)
+        return wrong_tag(self.tag_corners, self.tag, found.reshape(-1, 4, 2))
 
     def _agreeing(self, tags: TagsSeen) -> NDArray:
         """Return corners of the tags that lie where the others have them. Shape (P, 2)."""

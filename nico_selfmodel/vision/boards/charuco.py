@@ -53,16 +53,28 @@ class CharucoBoard(TaggedBoard):
     def tag_corners(self) -> NDArray:
         """Corners of every tag [m]. Shape (T, 4, 2)."""
         row, column = np.nonzero(checkers(self.columns, self.rows))
-        low = (np.stack([column, row], axis=1) - 1.0) * self.square + self._clear
+        low = (np.stack([column, row], axis=1) - 1.0) * self.square + self._margin
         return low[:, None] + np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]]) * self.tag
+
+    @property
+    def _margin(self) -> float:
+        """From a square's edge to its tag [m]."""
+        return 0.5 * (self.square - self.tag)
 
     @property
     def _method(self) -> str:
         return METHOD
 
-    @property
-    def _clear(self) -> float:
-        return 0.5 * (self.square - self.tag)  # nothing lies nearer than the nearest tag's corner
+    def _clear(self, maps: NDArray) -> NDArray:
+        """Tags lie beyond a corner and two edges of their own, in two of four quadrants."""
+        found = []
+        for y in (1.0, -1.0):
+            to_corner = maps @ [1.0, y]
+            for side in np.moveaxis(maps * [1.0, y], 2, 0):
+                size = np.maximum(np.sum(side**2, axis=1), 1e-12)
+                along = np.maximum(-np.sum(to_corner * side, axis=1) / size, 0.0)
+                found.append(np.linalg.norm(to_corner + along[:, None] * side, axis=1))
+        return self._margin * np.min(found, axis=0)
 
     def _tags(self, gray: NDArray) -> TagsSeen:
         return seen_tags(gray, self.family)

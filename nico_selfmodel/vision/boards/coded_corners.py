@@ -1,27 +1,28 @@
 """Corners of boards that carry tags: each is told by its tags, so that a part of a board will do.
 
-The rough corner comes from the tags, the exact one from `cornerSubPix` in a window that holds
-nothing but the corner. A hand, a shadow or the picture's edge may cut into that window, so a corner
-stays only where its window looks the same after half a turn, as a crossing of two edges does, and
-where all others would have it.
+The rough corner comes from the tags, the exact one is the place about which the picture around it,
+which holds nothing but the corner, is symmetric. A hand, a shadow or the picture's edge may cut in,
+so a corner stays only where what is around it looks the same after half a turn, as a crossing of
+two edges does, and where all others would have it.
 """
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.vision.boards.crossings import Crossings
 from nico_selfmodel.vision.boards.stray_corners import stray_points
 
 FEWEST = 6
 """Corners below which a board counts as not seen: eight numbers of a homography, and some to
 tell."""
-_NARROWEST = 2
-"""Half side of the smallest window [px]."""
-_END = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 0.005)
-_SYMMETRY = 0.9
-"""Least correlation of a window with itself after half a turn."""
-_CONTRAST = 8.0
-"""Least standard deviation of a window [grey levels]."""
+_NARROWEST = 2.0
+"""Radius of the smallest window [px]."""
+_SYMMETRY = 0.95
+"""Least correlation of what is around a corner with itself after half a turn."""
+_CROSSING = 0.02
+"""Least share of what the worse direction is told by: a stripe tells one alone."""
+_CONTRAST = 5.0
+"""Least standard deviation of what is around a corner [grey levels]."""
 
 
 def located(gray: NDArray, rough: NDArray, reach: NDArray, window: int) -> NDArray:
@@ -31,28 +32,22 @@ def located(gray: NDArray, rough: NDArray, reach: NDArray, window: int) -> NDArr
         gray: The image, 8 bits. Shape (h, w).
         rough: Where corners are to a pixel or two; nan where they are not seen. Shape (P, 2).
         reach: How far from each corner there is nothing else [px]. Shape (P,).
-        window: Half side of the largest window [px].
+        window: Radius of the largest window [px].
 
     Returns:
         Shape (P, 2), nan where a corner is not plain to see.
     """
     found = np.full_like(rough, np.nan)
-    half = np.clip(np.floor(np.nan_to_num(reach)), 0, window).astype(int)
-    size = np.array(gray.shape[::-1])
-    for side in np.unique(half[np.isfinite(rough[:, 0])]):
-        if side < _NARROWEST:
-            continue
-        rows = np.flatnonzero((half == side) & np.isfinite(rough[:, 0]))
-        inside = np.all((rough[rows] > side + 1) & (rough[rows] < size - side - 2), axis=1)
-        rows = rows[inside]
-        if not len(rows):
-            continue
-        start = rough[rows].astype(np.float32).reshape(-1, 1, 2)
-        end = cv2.cornerSubPix(gray, start.copy(), (int(side),) * 2, (-1, -1), _END)
-        end = end.reshape(-1, 2).astype(float)
-        moved = np.linalg.norm(end - rough[rows], axis=1)
-        plain = (moved > 0.0) & (moved < side) & _is_crossing(gray, end, int(side))
-        found[rows[plain]] = end[plain]
+    radius = np.minimum(np.nan_to_num(reach), window)
+    room = np.ceil(radius)[:, None] + 1.0
+    with np.errstate(invalid="ignore"):  # of corners not seen
+        inside = np.all((rough > room) & (rough < gray.shape[::-1] - room - 1.0), axis=1)
+    rows = np.flatnonzero(inside & (radius >= _NARROWEST))
+    crossings = Crossings.near(gray, rough[rows], radius[rows])
+    moved = np.linalg.norm(crossings.places - rough[rows], axis=1)
+    plain = (crossings.sameness > _SYMMETRY) & (crossings.contrast > _CONTRAST)
+    plain &= (crossings.along > _CROSSING) & (moved < radius[rows])
+    found[rows[plain]] = crossings.places[plain]
     return found
 
 
@@ -83,19 +78,3 @@ def without_strays(
             return kept, count
         kept[seen[stray]] = np.nan
         count += int(stray.sum())
-
-
-def _is_crossing(gray: NDArray, corners: NDArray, side: int) -> NDArray:
-    """Tell which windows look the same after half a turn about the corner. Shape (n,)."""
-    steps = np.arange(-side, side + 1, dtype=np.float32)
-    across, down = np.meshgrid(steps, steps)
-    u = corners[:, 0, None, None] + across
-    v = corners[:, 1, None, None] + down
-    rows = (len(corners), -1)
-    across, down = (m.astype(np.float32).reshape(rows) for m in (u, v))
-    values = cv2.remap(gray, across, down, cv2.INTER_LINEAR).astype(float)
-    values -= values.mean(axis=1, keepdims=True)
-    power = np.sum(values**2, axis=1)
-    same = np.sum(values * values[:, ::-1], axis=1)
-    strong = power > values.shape[1] * _CONTRAST**2
-    return np.asarray(strong & (same > _SYMMETRY * power))

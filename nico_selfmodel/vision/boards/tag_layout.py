@@ -1,7 +1,8 @@
 """Whether tags lie on a board as it was stated: which size of tags, which number of columns.
 
-Where the centres of tags are on a board its squares alone say, not the tags' size. The homography
-of the centres therefore measures the tags, and misses where columns are others than stated.
+The homography of the tags' centres misses where columns are others than stated. Of two neighbouring
+tags of width t, p apart, four corners A, B, C, D lie on one line, and AC BD / (BC AD), which no
+perspective changes and no lens by much over so short a way, is p^2 / (p^2 - t^2).
 """
 
 from collections.abc import Callable, Sequence
@@ -17,33 +18,51 @@ from nico_selfmodel.vision.markers.tags_seen import TagsSeen
 T = TypeVar("T")
 
 _FEWEST = 6
-"""Tags of which a homography of the centres says something: four fit any."""
+"""Tags of which a homography of the centres says something (four fit any), and lines of corners."""
 _MISS = 0.15
 """Median miss of a tag's centre, in tags, above which a layout is none. A lens bends by less."""
 _OFF = 0.06
-"""Share by which tags are of another size than stated. The lens makes up to 4 % of a part of a
-board."""
+"""Share by which tags are of another size than stated."""
 
 
-def wrong_tag(corners: NDArray, tag: float, tags: TagsSeen) -> str | None:
+def wrong_tag(corners: NDArray, tag: float, seen: NDArray) -> str | None:
     """Say that the tags are of another size than stated; None where they are not.
 
     Args:
         corners: Of all tags on the board as stated [m]. Shape (T, 4, 2).
         tag: Their side as stated [m].
-        tags: On the board, with exact corners.
+        seen: Exact corners, nan where not seen [px]. Shape (T, 4, 2).
     """
-    H = _centres_homography(corners, tags)
-    if H is None:
+    lines = np.concatenate([_lines(corners, seen, axis) for axis in (0, 1)])
+    if len(lines) < _FEWEST:
         return None
-    flat = apply_homography(np.linalg.inv(H), tags.corners.reshape(-1, 2)).reshape(-1, 4, 2)
-    side = float(np.median(np.linalg.norm(flat - np.roll(flat, 1, axis=1), axis=2)))
-    if abs(side / tag - 1.0) < _OFF:
+    a, b, c, d = np.moveaxis(lines, 1, 0)
+    ac, bd, bc, ad = (np.linalg.norm(p - q, axis=1) for p, q in ((a, c), (b, d), (b, c), (a, d)))
+    share = float(np.median(np.sqrt(np.maximum(1.0 - bc * ad / (ac * bd), 0.0))))
+    stated = tag / _pitch(corners)
+    if abs(share / stated - 1.0) < _OFF:
         return None
     return (
-        f"the tags are {1e3 * side:.1f} mm wide where --tag-mm says {1e3 * tag:.1f}: one of "
-        "--square-mm and --tag-mm is wrong"
+        f"the tags are {1e3 * tag * share / stated:.1f} mm wide where --tag-mm says "
+        f"{1e3 * tag:.1f}: one of --square-mm and --tag-mm is wrong"
     )
+
+
+def _lines(corners: NDArray, seen: NDArray, axis: int) -> NDArray:
+    """Return four corners on one line, of two neighbours along an axis, in a row. (n, 4, 2)."""
+    apart = corners[None, :, 0] - corners[:, None, 0]
+    step = np.zeros(2)
+    step[axis] = _pitch(corners)
+    one, other = np.nonzero(np.linalg.norm(apart - step, axis=2) < 1e-3 * step[axis])
+    # Clockwise from the upper left: the two edges along x, or along y.
+    edges = ((0, 1), (3, 2)) if axis == 0 else ((0, 3), (1, 2))
+    found = np.concatenate([np.hstack([seen[one][:, e], seen[other][:, e]]) for e in edges])
+    return found[np.isfinite(found).all(axis=(1, 2))]
+
+
+def _pitch(corners: NDArray) -> float:
+    """Return the distance from a tag to the next."""
+    return float(np.ptp(corners[:2, 0], axis=0).max())
 
 
 def layout_of(boards: Sequence[T], corners: Callable[[T], NDArray], tags: TagsSeen) -> T | None:

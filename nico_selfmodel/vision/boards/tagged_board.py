@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.vision.boards.board_detection import BoardDetection, Ink
 from nico_selfmodel.vision.boards.coded_corners import FEWEST, located, without_strays
+from nico_selfmodel.vision.boards.crossings import straightened
 from nico_selfmodel.vision.boards.tag_layout import layout_of
 from nico_selfmodel.vision.images.image_array import detectable
 from nico_selfmodel.vision.images.not_seen import NotSeen
 from nico_selfmodel.vision.markers.fiducial_family import FiducialFamily
 from nico_selfmodel.vision.markers.tags_seen import TagsSeen
 
+_EDGE = 0.5
+"""What of an edge next to a corner reaches beyond it [px]."""
 _LARGEST = 16
 """Columns below which those of a board are guessed, for a hint."""
 
@@ -130,10 +133,11 @@ class TaggedBoard(ABC):
         return "" if other is None else f"; the tags lie as on a board of {other.columns} columns"
 
     def _located(self, gray: NDArray, tags: TagsSeen, rough: NDArray, window: int) -> NDArray:
-        """Return exact corners; nothing but the corner lies nearer than `_clear`. Shape (P, 2)."""
-        reach = self._clear * tags.pixels_per_side(rough) / self.tag
+        """Return exact corners. Shape (P, 2)."""
+        reach = self._clear(tags.local_maps(rough) / self.tag) - _EDGE
         exact = located(gray, rough, reach, window)
-        return without_strays(self.points, exact, (gray.shape[1], gray.shape[0]))[0]
+        kept = without_strays(self.points, exact, (gray.shape[1], gray.shape[0]))[0]
+        return straightened(self.points[:, :2], kept, np.clip(reach, 0.0, window))
 
     @property
     @abstractmethod
@@ -141,10 +145,13 @@ class TaggedBoard(ABC):
         """OpenCV's detector."""
         ...
 
-    @property
     @abstractmethod
-    def _clear(self) -> float:
-        """How far from a corner there is nothing else [m]."""
+    def _clear(self, maps: NDArray) -> NDArray:
+        """Return how far from corners there is nothing else [px].
+
+        Args:
+            maps: Pixels of a metre along x and y of the board, as columns. Shape (P, 2, 2).
+        """
         ...
 
     @abstractmethod
