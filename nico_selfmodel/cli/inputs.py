@@ -168,12 +168,10 @@ def cameras_of(path: Path | None, what: str) -> "StereoRig | None":
 
 def poses_of(path: Path | None, joints: tuple[str, ...]) -> "NDArray | None":
     """Load a table of readings to go to, where one was named. Shape (n, joints)."""
-    from nico_selfmodel.files.reading import LARGEST_TABLE, read_text
-    from nico_selfmodel.model.readings import readings_from_table
+    from nico_selfmodel.dataset.csv_table import CsvTable
+    from nico_selfmodel.dataset.readings import readings_from_table
 
-    if path is None:
-        return None
-    return readings_from_table(read_text(path, LARGEST_TABLE), joints, str(path))
+    return None if path is None else readings_from_table(CsvTable.read(path), joints)
 
 
 def chosen_arm(chain: Chain) -> "ArmDescription":

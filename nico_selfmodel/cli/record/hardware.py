@@ -103,12 +103,12 @@ def record_hardware(request: "Request", hardware: Hardware) -> "Dataset":
     """
     import numpy as np
 
-    from nico_selfmodel.files.reading import LARGEST_TABLE, read_text
+    from nico_selfmodel.dataset.csv_table import CsvTable
     from nico_selfmodel.sessions.hardware_recording import RealRecording
 
     config = configuration(hardware)
     rng = np.random.default_rng((request.seed, request.session, 2))
-    table = None if request.poses is None else read_text(request.poses, LARGEST_TABLE)
+    table = None if request.poses is None else CsvTable.read(request.poses)
     planned = RealRecording.planned(
         request.sensor, config.joint_infos, request.circle, request.random, rng, table,
         _arm(hardware, config),

@@ -21,7 +21,6 @@ from nico_selfmodel.dataset.body.plausible_body import check_plausible_body
 from nico_selfmodel.dataset.body.sensors import SENSOR_COLUMNS, MarkerInfo, SensorInfo
 from nico_selfmodel.dataset.columns import APPROACH, ENCODER
 from nico_selfmodel.dataset.csv_table import CsvTable
-from nico_selfmodel.dataset.samples_file import side_column
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.csv_cells import number_cells, table_text, text_cells
 from nico_selfmodel.files.reading import real_path
@@ -70,7 +69,7 @@ def load_body_dataset(folder: str | PathLike[str]) -> BodyDataset:
     poses = CsvTable.read(folder / FILES[1])
     sample = poses.integers("sample")
     readings, flanges = _read_joints(poses, head["joints"])
-    sides = [side_column(poses, f"{APPROACH}.{joint.name}") for joint in head["joints"]]
+    sides = [poses.sides(f"{APPROACH}.{joint.name}") for joint in head["joints"]]
     del poses  # a million rows of text take half a gigabyte
     table = CsvTable.read(folder / FILES[2])
     observations = _read_observations(table, sample, head["markers"], head["sensors"])
