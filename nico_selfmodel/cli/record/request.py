@@ -10,7 +10,7 @@ from nico_selfmodel.cli import options
 from nico_selfmodel.cli.option_groups import OptionGroup
 
 SENSORS = ("motion-capture", "stereo-fiducial", "stereo-color", "chessboard")
-POSES = 20
+MIRROR_POSES = 20
 """Poses in each mirror, and without one, unless told otherwise."""
 _CIRCLE, _RANDOM = 60, 100
 """Poses on the joints' circles in all, and random ones, where nothing else is asked."""
@@ -37,7 +37,8 @@ class Request(OptionGroup):
         typer.Option(
             "--random",
             min=0,
-            help=f"Random poses; 100, with --mirror {POSES} in each mirror and {POSES} without.",
+            help=f"Random poses; 100, with --mirror {MIRROR_POSES} in each mirror and "
+            f"{MIRROR_POSES} without.",
         ),
     ] = None
     poses: Annotated[
@@ -77,7 +78,7 @@ class Request(OptionGroup):
         """Random poses; in each mirror and without one, where there are mirrors."""
         if self.asked_random is not None:
             return self.asked_random
-        return POSES if self.mirrors else _RANDOM
+        return MIRROR_POSES if self.mirrors else _RANDOM
 
     def check(self) -> None:
         """Refuse options that would be ignored.
