@@ -14,6 +14,7 @@ from nico_selfmodel import __version__
 from nico_selfmodel.cli import interruption, printer
 from nico_selfmodel.cli.commands import Commands, commands_named
 from nico_selfmodel.cli.habits import add_habits
+from nico_selfmodel.cli.option_groups import unfolded
 from nico_selfmodel.errors import SelfModelError
 
 _LONGEST_LINE = 1000
@@ -34,7 +35,8 @@ def _group(text: str, commands: Commands, *, completion: bool = False) -> typer.
     group.callback(help=text)(lambda: None)
     for name, command in commands.items():
         lenient = name in _WITH_NEGATIVE_NUMBERS
-        group.command(name, context_settings={"ignore_unknown_options": lenient})(command)
+        settings = {"ignore_unknown_options": lenient}
+        group.command(name, context_settings=settings)(unfolded(command))
     return group
 
 

@@ -31,8 +31,8 @@ def choose_poses(
     import numpy as np
 
     from nico_selfmodel.dataset.folder import load_dataset
+    from nico_selfmodel.dataset.readings import readings_table
     from nico_selfmodel.files.whole import refuse_existing, write_whole
-    from nico_selfmodel.model.readings import readings_table
     from nico_selfmodel.model.self_model_file import load_model
     from nico_selfmodel.model.tree.body_model import is_body
     from nico_selfmodel.planning.next_poses import choose_next_poses
@@ -79,8 +79,8 @@ def _of_a_body(
     import numpy as np
 
     from nico_selfmodel.dataset.body.body_folder import load_body_dataset
+    from nico_selfmodel.dataset.readings import readings_table
     from nico_selfmodel.files.whole import write_whole
-    from nico_selfmodel.model.readings import readings_table
     from nico_selfmodel.model.tree.body_model import load_body
     from nico_selfmodel.planning.next_body_poses import choose_next_body_poses
 

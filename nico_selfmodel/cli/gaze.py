@@ -83,7 +83,7 @@ def _readings(body: "BodyModel", encoders: str) -> "NDArray":
     """Return readings of all joints, nan where one has no encoder. Shape (n,)."""
     import numpy as np
 
-    from nico_selfmodel.model.readings import readings_from_words
+    from nico_selfmodel.dataset.readings import readings_from_words
 
     tree = body.tree
     read = [i for i in range(len(tree.joints)) if tree.coupling[i, i]]

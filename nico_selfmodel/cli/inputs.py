@@ -1,20 +1,34 @@
 """What options name: loaded and checked before any work is done."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol, Self, TypeVar
 
+from nico_selfmodel.cli.option_groups import Bounds, Chain, HeldOut
 from nico_selfmodel.files.reading import real_path
 from nico_selfmodel.names import LONGEST_NAME, check_name, listed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from nico_selfmodel.dataset.body.body_dataset import BodyDataset
     from nico_selfmodel.dataset.dataset import Dataset
     from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
     from nico_selfmodel.model.cameras.stereo_rig import StereoRig
     from nico_selfmodel.model.self_model import SelfModel
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.vision.boards.board_detection import AnyBoard
+
+
+class _Recording(Protocol):
+    """Data sets of an arm, and of any body."""
+
+    def split(self, fraction: float, seed: int, /) -> tuple[Self, Self]:
+        """Return what to learn from, and what to hold out."""
+        ...
+
+
+_RecordingT = TypeVar("_RecordingT", bound=_Recording)
 
 
 def name_after(path: Path) -> str:
@@ -45,9 +59,7 @@ def beside(path: Path, ending: str) -> Path:
     return made
 
 
-def train_and_test(
-    dataset: Path, test: Path | None, fraction: float | None, seed: int
-) -> "tuple[Dataset, Dataset | None]":
+def train_and_test(dataset: Path, held_out: HeldOut) -> "tuple[Dataset, Dataset | None]":
     """Load the training data, and what is held out of them or beside them.
 
     Raises:
@@ -56,48 +68,58 @@ def train_and_test(
     """
     from nico_selfmodel.dataset.folder import content_hash, load_dataset
 
-    if test is not None and fraction is not None:
+    return _train_and_test(dataset, held_out, load_dataset, content_hash)
+
+
+def body_train_and_test(
+    dataset: Path, held_out: HeldOut
+) -> "tuple[BodyDataset, BodyDataset | None]":
+    """Load the training data of any body, and what is held out of them or beside them.
+
+    Raises:
+        ValueError: If two ways of holding out are named, or the training data as test data.
+        DataError: If a recording is not valid, or the two are of different bodies.
+    """
+    from nico_selfmodel.dataset.body.body_folder import body_content_hash, load_body_dataset
+
+    train, test = _train_and_test(dataset, held_out, load_body_dataset, body_content_hash)
+    return train, None if test is None else test.like(train)
+
+
+def _train_and_test(
+    dataset: Path,
+    held_out: HeldOut,
+    load: Callable[[Path], _RecordingT],
+    hash_of: Callable[[_RecordingT], str],
+) -> tuple[_RecordingT, _RecordingT | None]:
+    if held_out.test is not None and held_out.test_fraction is not None:
         raise ValueError("give --test or --test-fraction, not both")
-    train = load_dataset(dataset)
-    if fraction is not None:
-        return train.split(fraction, seed)
-    if test is None:
+    train = load(dataset)
+    if held_out.test_fraction is not None:
+        return train.split(held_out.test_fraction, held_out.seed)
+    if held_out.test is None:
         return train, None
-    held_out = load_dataset(test)
-    refuse_training_data(test, content_hash(held_out), content_hash(train))
-    return train, held_out
+    test = load(held_out.test)
+    if hash_of(test) == hash_of(train):
+        raise ValueError(
+            f"--test {held_out.test} holds the training data: nothing would be held out"
+        )
+    return train, test
 
 
-def refuse_untested(
-    require_test_mm: float | None, require_test_px: float | None, *held_out: object
-) -> None:
+def refuse_untested(bounds: Bounds, held_out: HeldOut) -> None:
     """Refuse a bound on held-out data where none are held out: nothing could meet it.
-
-    Args:
-        require_test_mm: Bound in space, if one was given.
-        require_test_px: Bound in the images, if one was given.
-        held_out: What was given of ways to hold data out; None for what was not.
 
     Raises:
         ValueError: If there is a bound, and nothing to hold against it.
     """
-    if any(way is not None for way in held_out):
+    if held_out.test is not None or held_out.test_fraction is not None:
         return
-    for unit, bound in (("mm", require_test_mm), ("px", require_test_px)):
+    for unit, bound in (("mm", bounds.require_test_mm), ("px", bounds.require_test_px)):
         if bound is not None:
             raise ValueError(
                 f"--require-test-{unit} is a bound on held-out data: give --test or --test-fraction"
             )
-
-
-def refuse_training_data(test: Path, held_out: str, train: str) -> None:
-    """Refuse test data that are the training data, by the hashes of both.
-
-    Raises:
-        ValueError: If they are the same.
-    """
-    if held_out == train:
-        raise ValueError(f"--test {test} holds the training data: nothing would be held out")
 
 
 def board(text: str, square_mm: float, tag_mm: float | None, family: str | None) -> "AnyBoard":
@@ -146,23 +168,14 @@ def cameras_of(path: Path | None, what: str) -> "StereoRig | None":
 
 def poses_of(path: Path | None, joints: tuple[str, ...]) -> "NDArray | None":
     """Load a table of readings to go to, where one was named. Shape (n, joints)."""
-    from nico_selfmodel.files.reading import LARGEST_TABLE, read_text
-    from nico_selfmodel.model.readings import readings_from_table
+    from nico_selfmodel.dataset.csv_table import CsvTable
+    from nico_selfmodel.dataset.readings import readings_from_table
 
-    if path is None:
-        return None
-    return readings_from_table(read_text(path, LARGEST_TABLE), joints, str(path))
+    return None if path is None else readings_from_table(CsvTable.read(path), joints)
 
 
-def chosen_arm(
-    robot: str,
-    arm: str | None,
-    base: str | None,
-    tip: str | None,
-    hold: list[str] | None,
-    point: list[str] | None,
-) -> "ArmDescription":
-    """Return the chain that the options name.
+def chosen_arm(chain: Chain) -> "ArmDescription":
+    """Return the chain that the options name, of a robot that is named.
 
     Raises:
         ModelError: If it does not exist.
@@ -171,37 +184,31 @@ def chosen_arm(
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.plant.robots import ROBOTS
 
-    if robot in ROBOTS and base is None and tip is None:
-        if hold or point:
+    robot = chain.robot or "nico"
+    if robot in ROBOTS and chain.base is None and chain.tip is None:
+        if chain.hold or chain.point:
             raise ValueError("--hold and --point need --base and --tip")
-        return ArmDescription.named(robot, arm)
-    if arm is not None:
+        return ArmDescription.named(robot, chain.arm)
+    if chain.arm is not None:
         raise ValueError("--arm names a chain of a named robot: leave out --base and --tip")
-    points = dict(name_and_value(word, "--point") for word in point or [])
-    return ArmDescription.from_urdf(robot, base, tip, _held(hold), points or None)
+    points = dict(name_and_value(word, "--point") for word in chain.point or [])
+    return ArmDescription.from_urdf(robot, chain.base, chain.tip, _held(chain.hold), points or None)
 
 
-def described_arm(
-    robot: str | None,
-    arm: str | None,
-    base: str | None,
-    tip: str | None,
-    hold: list[str] | None,
-    point: list[str] | None,
-) -> "tuple[ArmDescription | None, NominalArm | None]":
+def described_arm(chain: Chain) -> "tuple[ArmDescription | None, NominalArm | None]":
     """Return the robot that the data are of, where one was named, and its nominal arm.
 
     Raises:
         ModelError: If it does not exist.
         ValueError: If options contradict each other.
     """
-    if robot is None:
-        if any((arm, base, tip, hold, point)):
+    if chain.robot is None:
+        if chain.names_a_part:
             raise ValueError("--arm, --base, --tip, --hold and --point need --robot")
         return None, None
     from nico_selfmodel.sessions.motion_capture_scenario import nominal_of
 
-    description = chosen_arm(robot, arm, base, tip, hold, point)
+    description = chosen_arm(chain)
     return description, nominal_of(description)
 
 

@@ -9,7 +9,7 @@ import typer
 
 from nico_selfmodel.cli import inputs, options, printer
 from nico_selfmodel.cli.calibrate import any_body
-from nico_selfmodel.cli.result_files import stamped, write_with_report
+from nico_selfmodel.cli.result_files import judged_document, write_with_report
 
 
 def monitor(
@@ -34,7 +34,6 @@ def monitor(
             raise ValueError("--sensor points: a whole body is watched by its own cameras' pixels")
         _monitor_body(model, dataset, out, force=force, as_json=as_json)
     from nico_selfmodel.dataset.folder import load_dataset
-    from nico_selfmodel.estimation.judging import judge, to_json
     from nico_selfmodel.estimation.monitoring.health import check_health
     from nico_selfmodel.estimation.monitoring.health_document import health_document
     from nico_selfmodel.estimation.monitoring.relearning import (
@@ -57,10 +56,9 @@ def monitor(
     update = relearn_cause(known, data, report, sensor)
     evaluation = evaluate_update(known, update, since_change(known, data, report), sensor)
     learned = relearned_result(update, cause.cause, evaluation)
-    # Drawing is slow to load, and only needed once there is something to draw.
-    from nico_selfmodel.viz.reports.updates import update_report
+    relearned = judged_document(learned)
+    from nico_selfmodel.viz.reports.updates import update_report  # slow to load
 
-    relearned = stamped(to_json(learned, judge(learned)))
     page = update_report(evaluation, relearned, report)
     write_with_report(out, evaluation.after, page, force=force)
     if not as_json:

@@ -62,7 +62,6 @@ Dataset = Annotated[Path, typer.Argument(help="Folder of a data set.")]
 Datasets = Annotated[
     list[Path], typer.Argument(help="Folders of data sets, or folders that hold some.")
 ]
-Images = Annotated[Path, typer.Argument(help="Folder of photographs of a board.")]
 ImagesOrNone = Annotated[
     Path | None, typer.Argument(help="Folder of photographs of a board, left* and right*.")
 ]

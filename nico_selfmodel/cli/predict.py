@@ -48,7 +48,7 @@ def predict(
     a whole body where it begins, which with --robot is the description's root; --frame SENSOR
     tells them as that sensor sees them. A sigma is that of one coordinate, rms of the three.
     """
-    from nico_selfmodel.model.readings import warn_beyond
+    from nico_selfmodel.dataset.readings import warn_beyond
     from nico_selfmodel.model.self_model_file import load_model
     from nico_selfmodel.model.tree.body_model import is_body
 
@@ -91,19 +91,21 @@ def _readings(
     encoders: list[str] | None, table: Path | None, joints: tuple[str, ...]
 ) -> tuple["NDArray", "NDArray | None"]:
     """Return readings, and from which sides joints came where a table tells. Shape (N, n) each."""
-    from nico_selfmodel.files.reading import LARGEST_TABLE, read_standard_input, read_text
-    from nico_selfmodel.model.readings import (
+    from nico_selfmodel.dataset.csv_table import CsvTable
+    from nico_selfmodel.dataset.readings import (
         approach_from_table,
         readings_from_table,
         readings_from_words,
     )
+    from nico_selfmodel.files.reading import LARGEST_TABLE, read_standard_input
 
     if table is None:
         return readings_from_words(encoders or [], joints), None
-    piped = str(table) == "-"
-    text = read_standard_input(LARGEST_TABLE) if piped else read_text(table, LARGEST_TABLE)
-    where = "standard input" if piped else str(table)
-    return readings_from_table(text, joints, where), approach_from_table(text, joints, where)
+    if str(table) == "-":
+        read = CsvTable.of_text(read_standard_input(LARGEST_TABLE), Path("standard input"))
+    else:
+        read = CsvTable.read(table)
+    return readings_from_table(read, joints), approach_from_table(read, joints)
 
 
 def _predict_body(

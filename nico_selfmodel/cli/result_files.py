@@ -9,15 +9,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nico_selfmodel import __version__
+from nico_selfmodel.cli.option_groups import Bounds
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset.body.body_dataset import BodyDataset
     from nico_selfmodel.dataset.dataset import Dataset
+    from nico_selfmodel.estimation.judging import Calibration
     from nico_selfmodel.model.self_model import SelfModel
     from nico_selfmodel.model.shape.link_shape import BodyShape
     from nico_selfmodel.model.tree.body_model import BodyModel
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.viz.reports.page import Report
+
+NO_BOUNDS = Bounds()
+"""Where the user gave none."""
 
 
 def command_line() -> str:
@@ -37,6 +42,22 @@ def stamped(document: Mapping[str, Any], command: str | None = None) -> dict[str
     words = command_line() if command is None else command
     date = datetime.now(UTC).isoformat(timespec="seconds")
     return {**document, "run": {"date": date, "command": words, "version": __version__}}
+
+
+def judged_document(
+    calibration: "Calibration", bounds: Bounds = NO_BOUNDS, command: str | None = None
+) -> dict[str, Any]:
+    """Return the content of `result.json` of what a command learned, judged.
+
+    Args:
+        calibration: What was learned.
+        bounds: Held-out errors above which it fails.
+        command: The command line; this process' own if omitted.
+    """
+    from nico_selfmodel.estimation.judging import judge, to_json
+
+    verdict = judge(calibration, bounds.require_test_mm, bounds.require_test_px)
+    return stamped(to_json(calibration, verdict), command)
 
 
 @dataclass(frozen=True, eq=False)

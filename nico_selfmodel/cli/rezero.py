@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from nico_selfmodel.cli import option_groups as groups
 from nico_selfmodel.cli import options, printer
 from nico_selfmodel.cli.calibrate import any_body
 from nico_selfmodel.cli.result_files import stamped, write_with_report
@@ -13,14 +14,12 @@ def rezero(
     context: typer.Context,
     model: options.Model,
     dataset: options.Dataset,
-    out: options.Out,
+    output: groups.Output,
     joint: Annotated[
         list[str] | None, typer.Option("--joint", help="A joint whose zero is lost; else all.")
     ] = None,
     sensor: options.DataSensor = "auto",
     loss: options.Loss = "trimmed",
-    force: options.Force = False,
-    as_json: options.AsJson = False,
 ) -> None:
     """Find the encoders' zeros again from three to five poses, everything else held.
 
@@ -35,19 +34,18 @@ def rezero(
     from nico_selfmodel.model.self_model_file import load_model
     from nico_selfmodel.model.tree.body_model import is_body
 
-    refuse_folder(out, force=force, inputs=[dataset, model])
+    refuse_folder(output.out, force=output.force, inputs=[dataset, model])
     if is_body(model):
         options.refuse_given(context, ["sensor", "loss"], any_body.NOISE_IS_KNOWN)
-        any_body.rezero(model, dataset, out, joints=joint, force=force, as_json=as_json)
+        any_body.rezero(model, dataset, output, joint)
     known, data = load_model(model), load_dataset(dataset)
     found = find_zeros(
         known, data, joints=tuple(joint) if joint else None, sensor=sensor, loss=loss
     )
-    verdict = judge(found)
     evaluation = evaluate_update(known, found.update, data, sensor)
-    document = stamped(to_json(rezero_result(found, evaluation), verdict))
-    # Drawing is slow to load, and only needed once there is something to draw.
-    from nico_selfmodel.viz.reports.updates import update_report
+    document = stamped(to_json(rezero_result(found, evaluation), judge(found)))
+    from nico_selfmodel.viz.reports.updates import update_report  # slow to load
 
-    write_with_report(out, evaluation.after, update_report(evaluation, document), force=force)
-    printer.result(found.model.name, document, out, json_instead=as_json)
+    report = update_report(evaluation, document)
+    write_with_report(output.out, evaluation.after, report, force=output.force)
+    printer.result(found.model.name, document, output.out, json_instead=output.as_json)

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli import option_groups as groups
 
 _LOOKS, _HANDS, _REFLECTIONS = 60, 80, 20
 """Poses of a whole body about the room, of each hand, and before each mirror, unless told."""
@@ -13,6 +14,7 @@ _LOOKS, _HANDS, _REFLECTIONS = 60, 80, 20
 
 def motion_capture(
     out: options.Out,
+    chain: groups.NicoOrChain,
     imperfections: options.Imperfections = "thesis",
     seed: options.RobotSeed = 0,
     session: options.Session = 0,
@@ -36,12 +38,6 @@ def motion_capture(
     marker_mm: Annotated[
         float | None, typer.Option("--marker-mm", min=0.0, help="Marker noise, instead.")
     ] = None,
-    robot: options.Robot = "nico",
-    arm: options.Arm = None,
-    base: options.Base = None,
-    tip: options.Tip = None,
-    hold: options.Hold = None,
-    point: options.Point = None,
     force: options.Force = False,
 ) -> None:
     """Sweep and pose a simulated arm under motion capture; writes a data set."""
@@ -58,7 +54,7 @@ def motion_capture(
     chosen = imperfections_named(imperfections).with_noise(
         play_deg=joint_noise_deg, backlash_deg=backlash_deg, marker_mm=marker_mm
     )
-    description = inputs.chosen_arm(robot or "nico", arm, base, tip, hold, point)
+    description = inputs.chosen_arm(chain)
     protocol = SweepProtocol.for_arm(description).on_share_of_arcs(arc_share)
     repeats = 1 if circle_points <= 3 else protocol.home_repeats
     protocol = replace(

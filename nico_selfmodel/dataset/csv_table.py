@@ -47,7 +47,20 @@ class CsvTable:
             DataError: If the file cannot be read, has another separator, no rows, a row of
                 another length or two columns of one name.
         """
-        text = read_text(path, LARGEST_TABLE)
+        return cls.of_text(read_text(path, LARGEST_TABLE), path, header)
+
+    @classmethod
+    def of_text(cls, text: str, path: Path, header: bool = True) -> "CsvTable":
+        """Read the text of a file, as `read` does.
+
+        Args:
+            text: The text.
+            path: What messages call it.
+            header: False if the first line is data already.
+
+        Raises:
+            DataError: As `read`.
+        """
         rows: list[list[str]] = []
         lines: Sequence[int]
         columns = plain_columns(text)
@@ -183,14 +196,16 @@ class CsvTable:
         return values
 
     def sides(self, column: str) -> npt.NDArray[np.float64]:
-        """Return how a reading last changed: -1, 0 or 1; an empty cell is 0. Shape (N,).
+        """Return how a reading last changed: -1, 0 or 1; 0 where nobody says. Shape (N,).
 
         Args:
-            column: Its name.
+            column: Its name; where there is no such column nobody says anything.
 
         Raises:
-            DataError: If there is no such column or a cell is another number.
+            DataError: If a cell is another number.
         """
+        if column not in self.columns:
+            return np.zeros(len(self))
         values = np.nan_to_num(self.numbers(column, empty_allowed=True))
         strange = np.flatnonzero(~np.isin(values, SIDES_OF_APPROACH))
         if strange.size:

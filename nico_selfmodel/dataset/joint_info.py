@@ -7,9 +7,9 @@ from typing import Any
 
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.yaml_mapping import check_keys, integer_value, number_value, text_value
+from nico_selfmodel.model.encoder_units import COUNTS, check_unit, unit_size
 from nico_selfmodel.names import check_name, shown
 
-ENCODER_UNITS = ("counts", "rad", "deg")
 HOME = "home"
 _KEYS = ("name", "encoder_unit", "counts_per_turn", "lower", "upper", "sign")
 # Readings closer than this, or than one count, are not called a motion.
@@ -42,11 +42,6 @@ class JointInfo:
         check_name(self.name, "the name of a joint")
         if self.name == HOME:
             raise ValueError(f"a joint cannot be called {HOME!r}: the sweep column uses that word")
-        if self.encoder_unit not in ENCODER_UNITS:
-            raise ValueError(
-                f"joint {self.name!r}: encoder_unit must be one of {', '.join(ENCODER_UNITS)},"
-                f" got {shown(self.encoder_unit)}"
-            )
         self._check_numbers()
 
     def _check_numbers(self) -> None:
@@ -56,16 +51,7 @@ class JointInfo:
                 object.__setattr__(self, key, float(value))
                 if not math.isfinite(value):
                     raise ValueError(f"joint {self.name!r}: {key} must be finite, got {value}")
-        if self.encoder_unit != "counts" and self.counts_per_turn is not None:
-            raise ValueError(
-                f"joint {self.name!r}: counts_per_turn is given, but encoder_unit is"
-                f" {self.encoder_unit!r}; leave it out or use 'counts'"
-            )
-        if self.encoder_unit == "counts" and not (self.counts_per_turn or 0.0) > 0.0:
-            raise ValueError(
-                f"joint {self.name!r}: encoder_unit 'counts' needs a positive counts_per_turn,"
-                f" got {self.counts_per_turn}"
-            )
+        check_unit(self.name, self.encoder_unit, self.counts_per_turn)
         if self.lower is not None and self.upper is not None and self.lower >= self.upper:
             raise ValueError(
                 f"joint {self.name!r}: lower must be less than upper,"
@@ -77,9 +63,7 @@ class JointInfo:
     @property
     def radians_per_unit(self) -> float:
         """Size of one unit of the reading at the encoder [rad]; the gear is not in it."""
-        if self.counts_per_turn is not None:
-            return 2.0 * math.pi / self.counts_per_turn
-        return 1.0 if self.encoder_unit == "rad" else math.pi / 180.0
+        return unit_size(self.encoder_unit, self.counts_per_turn)
 
     @property
     def still_tolerance(self) -> float:
@@ -88,7 +72,7 @@ class JointInfo:
         One count, or 0.02 degrees where that is more.
         """
         tolerance = _STILL_RAD / self.radians_per_unit
-        return max(1.0, tolerance) if self.encoder_unit == "counts" else tolerance
+        return max(1.0, tolerance) if self.encoder_unit == COUNTS else tolerance
 
     @classmethod
     def from_mapping(cls, entry: Any, where: str) -> "JointInfo":

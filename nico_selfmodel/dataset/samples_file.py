@@ -56,7 +56,7 @@ def read_samples(path: Path, joint_names: Sequence[str]) -> dict[str, Any]:
         "marker": np.where(marker == "", DEFAULT_MARKER, marker),
         "mirror": _texts(table, "mirror"),
         "encoders": np.column_stack([table.numbers(f"{ENCODER}.{name}") for name in joint_names]),
-        "approach": np.column_stack([side_column(table, name) for name in sides]),
+        "approach": np.column_stack([table.sides(name) for name in sides]),
         "p_WH_measured": _numbers(table, POINT_COLUMNS),
         "pixels": np.hstack(
             [_numbers(table, PIXEL_COLUMNS[:2]), _numbers(table, PIXEL_COLUMNS[2:])]
@@ -117,13 +117,6 @@ def _texts(table: CsvTable, column: str) -> npt.NDArray[np.str_]:
     if column in table.columns:
         return table.texts(column)
     return np.full(len(table), "")
-
-
-def side_column(table: CsvTable, column: str) -> npt.NDArray[np.float64]:
-    """Return how a reading last changed; 0 where the table does not say. Shape (N,)."""
-    if column not in table.columns:
-        return np.zeros(len(table))
-    return table.sides(column)
 
 
 def _numbers(table: CsvTable, names: Sequence[str]) -> npt.NDArray[np.float64]:

@@ -13,14 +13,14 @@ from nico_selfmodel.planning.visible_workspace import PROJECTED, VisibleWorkspac
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.recording.observed_body import ObservedBody
 from nico_selfmodel.recording.session import record
-from nico_selfmodel.systems.looking import looking
+from nico_selfmodel.systems.looking import MARKER_FRAMES, looking
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 from nico_selfmodel.systems.simulated.robot import SimulatedRobot
 from nico_selfmodel.systems.simulated.sensors import StereoPixels
 
 TRACKERS = {"fiducial": 0.3, "color": 2.0}
 """Noise of a tracked pixel coordinate, independent in both cameras [px]."""
-POINTS = {"fiducial": "right_hand_fiducial", "color": "right_finger_tip"}
+_MARKERS = {"fiducial": "fiducial", "color": "finger_tip"}
 """What each tracker looks at."""
 
 
@@ -139,7 +139,7 @@ class ProjectedNico:
 @cache
 def _tracked_by(tracker: str) -> ProjectedNico:
     """Plan home and sweeps once: nothing in them is random, and nobody can change them."""
-    points = {"hand": POINTS[tracker]}
+    points = {"hand": MARKER_FRAMES[_MARKERS[tracker]]}
     arm = ArmDescription.from_urdf("nico", "chest", "right_hand", looking(), points)
     workspace = VisibleWorkspace.of(arm, limits=PROJECTED)
     return ProjectedNico(tracker, workspace, *workspace.home_and_arcs())

@@ -29,6 +29,7 @@ from nico_selfmodel.model.document_values import (
     sigma,
     texts,
 )
+from nico_selfmodel.model.encoder_units import COUNTS
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.names import shown
 
@@ -139,7 +140,7 @@ def _servo_document(servos: ServoMap, i: int) -> dict[str, Any]:
         "gear": float(servos.gear[i]),
         "sign": int(servos.sign[i]),
         "unit": servos.unit[i],
-        **(turn if servos.unit[i] == "counts" else {}),
+        **(turn if servos.unit[i] == COUNTS else {}),
     }
 
 
@@ -208,7 +209,7 @@ def _chain(chain: Mapping[str, Any]) -> DhTable:
 def _servo_map(servos: Sequence[Mapping[str, Any]]) -> ServoMap:
     unit = texts([servo["unit"] for servo in servos], "units of the servos")
     counts = [
-        servo["counts_per_turn"] if own == "counts" else 1.0
+        servo["counts_per_turn"] if own == COUNTS else 1.0
         for servo, own in zip(servos, unit, strict=True)
     ]
     counts_per_turn = numbers(counts, "counts_per_turn")
@@ -217,7 +218,7 @@ def _servo_map(servos: Sequence[Mapping[str, Any]]) -> ServoMap:
         offset=numbers([servo["offset"] for servo in servos], "offset"),
         gear=numbers([servo["gear"] for servo in servos], "gear"),
         unit=unit,
-        counts_per_turn=np.where(np.array(unit) == "counts", counts_per_turn, np.nan),
+        counts_per_turn=np.where(np.array(unit) == COUNTS, counts_per_turn, np.nan),
         sign=numbers([servo.get("sign", 1) for servo in servos], "sign"),
     )
 

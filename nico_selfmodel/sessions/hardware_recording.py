@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.dataset.csv_table import CsvTable
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
+from nico_selfmodel.dataset.readings import readings_from_table
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
-from nico_selfmodel.model.readings import readings_from_table
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.planning.first_guess import first_guess
 from nico_selfmodel.planning.plans import HOME, Plan, given_commands
@@ -119,7 +120,7 @@ class RealRecording(Recording):
         circle: int,
         free: int,
         rng: np.random.Generator,
-        table: str | None = None,
+        table: CsvTable | None = None,
         arm: ArmDescription | None = None,
     ) -> "RealRecording":
         """Plan poses in which the described arm touches neither its body nor itself.
@@ -130,7 +131,7 @@ class RealRecording(Recording):
             circle: Poses on circles, home not counted.
             free: Random poses.
             rng: Source of the random poses.
-            table: Poses to visit instead of random ones: CSV text, a column a joint [counts].
+            table: Poses to visit instead of random ones, a column a joint [counts].
             arm: The arm, its limits those of the servos; of Nico's the one that they drive.
 
         Raises:

@@ -22,12 +22,12 @@ LOOKING_DEG = {
 """Joints that stand still: the hand turns its back to the head, which looks at where it works. Half
 turned to the right and with the cameras down it sees both of the hand's markers in 6 of 100 random
 poses; straight ahead with the head bowed (yaw -10, pitch 25, tilt 20 deg) it is 1.4."""
-POINTS = {
+MARKER_FRAMES = {
     "fiducial": "right_hand_fiducial",
     "finger_tip": "right_finger_tip",
     "hand": "right_wrist_marker",
 }
-"""What cameras and motion capture can track on the hand."""
+"""What cameras and motion capture can track on the hand: marker -> link or frame it sits on."""
 FINGER = "right_index_finger"
 """Link of the finger that touches things."""
 
@@ -42,7 +42,7 @@ def looking_arm(*markers: str) -> ArmDescription:
     """Return Nico's right arm of four joints, with the head turned to look at the hand.
 
     Args:
-        markers: Some of `POINTS`; all of them by default.
+        markers: Some of `MARKER_FRAMES`; all of them by default.
 
     Raises:
         ValueError: If there is no such point.
@@ -63,10 +63,10 @@ def touching_arm(*markers: str) -> ArmDescription:
 
 
 def _right_arm(held: Mapping[str, float], markers: tuple[str, ...]) -> ArmDescription:
-    unknown = set(markers) - set(POINTS)
+    unknown = set(markers) - set(MARKER_FRAMES)
     if unknown:
-        raise ValueError(f"no point {sorted(unknown)}; there are {', '.join(POINTS)}")
-    points = {marker: POINTS[marker] for marker in markers or POINTS}
+        raise ValueError(f"no point {sorted(unknown)}; there are {', '.join(MARKER_FRAMES)}")
+    points = {marker: MARKER_FRAMES[marker] for marker in markers or MARKER_FRAMES}
     return ArmDescription.from_urdf("nico", "chest", "right_hand", dict(held), points)
 
 
@@ -108,7 +108,12 @@ def looking_body(*joints: str) -> BodyDescription:
     """
     cameras = dict(zip(MOUNTS, NICO_CAMERAS.cameras, strict=True))
     return BodyDescription.from_urdf(
-        "nico", ALL_JOINTS, HAND_POINTS, cameras, commanded=joints or ALL_JOINTS, held=looking()
+        "nico",
+        ALL_JOINTS,
+        HAND_POINTS,
+        cameras,
+        commanded=joints or ALL_JOINTS,
+        held=looking(),
     )
 
 

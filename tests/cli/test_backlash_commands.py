@@ -48,7 +48,7 @@ def test_a_simulated_gap_is_recorded_learned_and_predicted_by_side(slack, learne
     assert 1e-3 < np.linalg.norm(ends[0] - ends[1]) < 0.05
     bad = table.getvalue().replace(",-1", ",2")
     assert_one_clear_line(
-        command("predict", learned, "--table", "-", stdin=bad), "line 2", "not -1, 0 or 1"
+        command("predict", learned, "--table", "-", stdin=bad), "line 2", "is no side; expected 1"
     )
 
 

@@ -89,7 +89,7 @@ def test_two_joints_of_one_name_are_refused(dataset, joints):
     ("fields", "message"),
     [
         (("home", "rad"), "uses that word"),
-        (("a", "degrees"), "must be one of counts, rad, deg, got 'degrees'"),
+        (("a", "degrees"), "must be one of rad, deg, counts, got 'degrees'"),
         (("a", "counts"), "needs a positive counts_per_turn"),
         (("a", "rad", 4096), "leave it out or use 'counts'"),
         (("a", "rad", None, np.nan), "lower must be finite, got nan"),

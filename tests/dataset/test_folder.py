@@ -262,7 +262,7 @@ def test_a_misspelt_optional_column_is_kept_with_a_warning(folder):
         (METADATA + "  - 5\n", "joint 3: a joint must be a mapping"),
         (METADATA.replace("elbow", "shoulder"), "joint 2: 'shoulder' is already an earlier joint"),
         (METADATA.replace("unit: deg", "unit: grad"), "joint 2: joint 'elbow': encoder_unit must "
-         "be one of counts, rad, deg, got 'grad'"),
+         "be one of rad, deg, counts, got 'grad'"),
         (METADATA.replace(", counts_per_turn: 4096", ""), "needs a positive counts_per_turn"),
         (METADATA.replace("lower", "lowest"), "unknown key 'lowest', did you mean 'lower'"),
     ],

@@ -1,11 +1,20 @@
 """What commands that learn do with a recording of any body."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from nico_selfmodel.cli import inputs, printer
-from nico_selfmodel.cli.result_files import stamped, write_with_report
+from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.option_groups import (
+    Bends,
+    Bounds,
+    Fixed,
+    HeldOut,
+    NamedOutput,
+    OptionGroup,
+    Output,
+)
+from nico_selfmodel.cli.result_files import NoReport, judged_document, write_with_report
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset.body.body_dataset import BodyDataset
@@ -19,49 +28,48 @@ NOISE_IS_KNOWN = "a body knows the noise of its joints, and leaves out what cont
 """Why a command does not take how poses are weighed where its model is a body."""
 
 
+@dataclass(frozen=True)
+class Known(OptionGroup):
+    """What is known of a body before it is learned."""
+
+    cameras: options.Cameras = None
+    prior: options.Prior = None
+
+
 def calibrate(
     dataset: Path,
-    out: Path,
+    output: NamedOutput,
+    held_out: HeldOut,
+    fixed: Fixed,
+    known: Known,
+    bounds: Bounds,
     *,
-    test: Path | None,
-    test_fraction: float | None,
-    seed: int,
-    fix: list[str] | None,
-    free: list[str] | None,
-    prior: list[str] | None,
-    robot: str | None,
-    cameras: Path | None,
-    name: str | None,
-    require_test_mm: float | None,
-    require_test_px: float | None,
-    no_report: bool,
-    force: bool,
-    as_json: bool,
+    bends: Bends | None = None,
+    robot: str | None = None,
+    robot_sigma: str | None = None,
     boards: Path | None = None,
     board: "AnyBoard | None" = None,
-    effects: str = "auto",
-    up: str | None = None,
-    robot_sigma: str | None = None,
 ) -> NoReturn:
     """Learn a body from poses and observations, and leave a result folder."""
     from nico_selfmodel.estimation.bending.what_bends import effects_of, up_of
-    from nico_selfmodel.estimation.judging import judge, to_json
     from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
     from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
     from nico_selfmodel.estimation.tree.tree_result import body_model
     from nico_selfmodel.estimation.tree.tree_setup import Wishes, priors_of, robot_sigmas_of
     from nico_selfmodel.files.whole import refuse_folder
-    from nico_selfmodel.result_folder.writing import write_result
 
-    refuse_folder(out, force=force, inputs=[dataset, test, robot, cameras, boards])
-    inputs.refuse_untested(require_test_mm, require_test_px, test, test_fraction)
-    wishes = Wishes(FixedParameters.from_text(fix or (), free or ()), priors_of(prior or ()))
+    inputs_read = [dataset, held_out.test, robot, known.cameras, boards]
+    refuse_folder(output.out, force=output.force, inputs=inputs_read)
+    inputs.refuse_untested(bounds, held_out)
+    pins = FixedParameters.from_text(fixed.fix or (), fixed.free or ())
+    wishes = Wishes(pins, priors_of(known.prior or ()))
     off = None if robot_sigma is None else robot_sigmas_of(robot_sigma)
     if off is not None and robot is None:
         raise ValueError("--robot-sigma says how far a description may be off: give --robot too")
-    may_bend, vertical = effects_of(effects), up_of(up)
-    train, held_out = _train_and_test(dataset, test, test_fraction, seed)
-    lenses = _lenses(cameras, train)
+    bends = bends or Bends()
+    may_bend, vertical = effects_of(bends.effects), up_of(bends.up)
+    train, test = inputs.body_train_and_test(dataset, held_out)
+    lenses = _lenses(known.cameras, train)
     with printer.progress_bar() as progress:
         if boards is not None and board is not None:
             train = _with_boards(train, boards, board, progress)
@@ -69,137 +77,90 @@ def calibrate(
         description = None if robot is None else _described(robot, train, lenses, off)
         found = calibrate_tree(
             train,
-            test=held_out,
+            test=test,
             description=description,
             lenses=lenses,
             wishes=wishes,
-            name=name,
-            seed=seed,
+            name=output.name,
+            seed=held_out.seed,
             effects=may_bend,
             up=vertical,
         )
-        verdict = judge(found, require_test_mm, require_test_px)
-        document = stamped(to_json(found, verdict))
+        document = judged_document(found, bounds)
         progress("learning", 1, 1)
         progress("writing the result", 0, 1)
-        files: dict[str, str] = {}
-        if not no_report:
-            # Drawing is slow to load, and only needed once there is something to draw.
-            from nico_selfmodel.viz.reports.tree import tree_report
+        report = NoReport(document)
+        if not output.no_report:
+            from nico_selfmodel.viz.reports.tree import tree_report  # slow to load
 
-            files = tree_report(found, document).files()
-        write_result(out, body_model(found), document, files, force=force)
+            report = tree_report(found, document)
+        write_with_report(output.out, body_model(found), report, force=output.force)
         progress("writing the result", 1, 1)
-    printer.result(found.name, document, out, json_instead=as_json)
+    printer.result(found.name, document, output.out, json_instead=output.as_json)
 
 
 def calibrate_mirrors(
     dataset: Path,
     model: Path,
-    out: Path,
+    output: Output,
+    held_out: HeldOut,
+    bounds: Bounds,
     *,
-    test: Path | None,
-    test_fraction: float | None,
-    seed: int,
     name: str | None,
-    require_test_px: float | None,
-    force: bool,
-    as_json: bool,
 ) -> NoReturn:
     """Learn mirrors in which a known body saw itself, and leave a result folder."""
-    from nico_selfmodel.estimation.judging import judge, to_json
     from nico_selfmodel.estimation.tree.mirrors.body_mirrors import calibrate_body_mirrors
     from nico_selfmodel.model.tree.body_model import load_body
 
-    inputs.refuse_untested(None, require_test_px, test, test_fraction)
+    inputs.refuse_untested(bounds, held_out)
     body = load_body(model)
-    train, held_out = _train_and_test(dataset, test, test_fraction, seed)
+    train, test = inputs.body_train_and_test(dataset, held_out)
     with printer.progress_bar() as progress:
         progress("learning mirrors", 0, 1)
-        learned = calibrate_body_mirrors(train, body, test=held_out, name=name)
-        verdict = judge(learned.found, None, require_test_px)
-        document = stamped(to_json(learned.found, verdict))
+        learned = calibrate_body_mirrors(train, body, test=test, name=name)
+        document = judged_document(learned.found, bounds)
         progress("learning mirrors", 1, 1)
         progress("writing the result", 0, 1)
-        # Drawing is slow to load, and only needed once there is something to draw.
-        from nico_selfmodel.viz.reports.tree import tree_report
+        from nico_selfmodel.viz.reports.tree import tree_report  # slow to load
 
         report = tree_report(learned.found, document)
-        write_with_report(out, learned.model, report, force=force)
+        write_with_report(output.out, learned.model, report, force=output.force)
         progress("writing the result", 1, 1)
-    printer.result(learned.model.name, document, out, json_instead=as_json)
+    printer.result(learned.model.name, document, output.out, json_instead=output.as_json)
 
 
-def rezero(
-    model: Path,
-    dataset: Path,
-    out: Path,
-    *,
-    joints: list[str] | None,
-    force: bool,
-    as_json: bool,
-) -> NoReturn:
+def rezero(model: Path, dataset: Path, output: Output, joints: list[str] | None) -> NoReturn:
     """Find the zeros of a body's encoders again, and leave a result folder."""
     from nico_selfmodel.dataset.body.body_folder import load_body_dataset
     from nico_selfmodel.estimation.monitoring.body_relearning import rezero_body
     from nico_selfmodel.model.tree.body_model import load_body
 
     body, data = load_body(model), load_body_dataset(dataset)
-    document = written(rezero_body(body, data, joints), out, force=force)
-    printer.result(body.name, document, out, json_instead=as_json)
+    document = written(rezero_body(body, data, joints), output.out, force=output.force)
+    printer.result(body.name, document, output.out, json_instead=output.as_json)
 
 
 def calibrate_tool(
-    dataset: Path,
-    model: Path,
-    out: Path,
-    *,
-    tool: str | None,
-    test: Path | None,
-    test_fraction: float | None,
-    seed: int,
-    force: bool,
-    as_json: bool,
+    dataset: Path, model: Path, output: Output, held_out: HeldOut, tool: str | None
 ) -> NoReturn:
     """Learn where a tool's tip is on a body's link, and leave a result folder."""
     from nico_selfmodel.estimation.monitoring.body_relearning import calibrate_body_tool
     from nico_selfmodel.model.tree.body_model import load_body
 
     body = load_body(model)
-    train, held_out = _train_and_test(dataset, test, test_fraction, seed)
-    update = calibrate_body_tool(body, train, tool=tool, test=held_out)
-    document = written(update, out, force=force)
-    printer.result(body.name, document, out, json_instead=as_json)
+    train, test = inputs.body_train_and_test(dataset, held_out)
+    update = calibrate_body_tool(body, train, tool=tool, test=test)
+    document = written(update, output.out, force=output.force)
+    printer.result(body.name, document, output.out, json_instead=output.as_json)
 
 
 def written(update: "BodyUpdate", out: Path, *, force: bool) -> dict[str, Any]:
     """Write what was learned anew of a body, with its report; return its `result.json`."""
-    from nico_selfmodel.estimation.judging import judge, to_json
-
-    document = stamped(to_json(update, judge(update)))
-    # Drawing is slow to load, and only needed once there is something to draw.
-    from nico_selfmodel.viz.reports.tree import tree_report
+    document = judged_document(update)
+    from nico_selfmodel.viz.reports.tree import tree_report  # slow to load
 
     write_with_report(out, update.model, tree_report(update.found, document), force=force)
     return document
-
-
-def _train_and_test(
-    dataset: Path, test: Path | None, fraction: float | None, seed: int
-) -> "tuple[BodyDataset, BodyDataset | None]":
-    """Load the training data, and what is held out of them or beside them."""
-    from nico_selfmodel.dataset.body.body_folder import body_content_hash, load_body_dataset
-
-    if test is not None and fraction is not None:
-        raise ValueError("give --test or --test-fraction, not both")
-    train = load_body_dataset(dataset)
-    if fraction is not None:
-        return train.split(fraction, seed)
-    if test is None:
-        return train, None
-    held_out = load_body_dataset(test)
-    inputs.refuse_training_data(test, body_content_hash(held_out), body_content_hash(train))
-    return train, held_out.like(train)
 
 
 def _with_boards(

@@ -2,39 +2,46 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from nico_selfmodel.cli import inputs
-from nico_selfmodel.cli.result_files import NoReport, stamped, write_with_report
+import typer
+
+from nico_selfmodel.cli import inputs, options
+from nico_selfmodel.cli.option_groups import Bends, Bounds, Chain, Fixed, HeldOut, OptionGroup
+from nico_selfmodel.cli.result_files import NoReport, judged_document, write_with_report
 from nico_selfmodel.progress import Progress
+
+
+@dataclass(frozen=True)
+class Search(OptionGroup):
+    """How an arm is searched for."""
+
+    method: Annotated[
+        str, typer.Option("--method", help="refine, or circle-points for the sweeps alone.")
+    ] = "refine"
+    loss: options.Loss = "trimmed"
+    starts: Annotated[
+        int, typer.Option("--starts", min=0, max=1_000_000, help="Random starts allowed.")
+    ] = 10
+    cameras: options.Cameras = None
 
 
 @dataclass(frozen=True)
 class ArmTask:
     """The options of the command, as they were given."""
 
-    test: Path | None
-    test_fraction: float | None
-    seed: int
-    method: str
-    fix: list[str] | None
-    free: list[str] | None
-    loss: str
-    starts: int
-    robot: str | None
-    arm: str | None
-    base: str | None
-    tip: str | None
-    hold: list[str] | None
-    point: list[str] | None
-    cameras: Path | None
-    name: str | None
-    require_test_mm: float | None
+    held_out: HeldOut
+    search: Search
+    fixed: Fixed
+    bends: Bends
+    chain: Chain
+    bounds: Bounds
     command: str
     """The command line, for `result.json`."""
+    name: str | None = None
+    """Of the self-model."""
     no_report: bool = False
-    effects: str = "auto"
-    up: str | None = None
+    """Leave out report, residuals and scene."""
 
     def run(
         self, dataset: Path, out: Path, progress: Progress, *, force: bool = False
@@ -53,35 +60,31 @@ class ArmTask:
         from nico_selfmodel.estimation.arm.arm_result import arm_result
         from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
         from nico_selfmodel.estimation.bending.what_bends import effects_of, up_of
-        from nico_selfmodel.estimation.results.document import document_of
         from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
-        from nico_selfmodel.estimation.results.judge import verdict_on
         from nico_selfmodel.model.self_model_file import load_model
 
-        pins = FixedParameters.from_text(self.fix or (), self.free or ())
-        effects, up = effects_of(self.effects), up_of(self.up)
-        train, held_out = inputs.train_and_test(dataset, self.test, self.test_fraction, self.seed)
+        pins = FixedParameters.from_text(self.fixed.fix or (), self.fixed.free or ())
+        effects, up = effects_of(self.bends.effects), up_of(self.bends.up)
+        train, test = inputs.train_and_test(dataset, self.held_out)
         stereo = None
-        if self.cameras is not None:
+        if self.search.cameras is not None:
             from nico_selfmodel.estimation.body.stereo_points import StereoPoints
 
-            known = load_model(self.cameras)
-            stereo = StereoPoints.of(known, train, held_out, frozenset(pins.pinned))
-            train, held_out = stereo.train, stereo.test
-        description, nominal = inputs.described_arm(
-            self.robot, self.arm, self.base, self.tip, self.hold, self.point
-        )
-        inputs.check_points(self.point, train.markers)
+            known = load_model(self.search.cameras)
+            stereo = StereoPoints.of(known, train, test, frozenset(pins.pinned))
+            train, test = stereo.train, stereo.test
+        description, nominal = inputs.described_arm(self.chain)
+        inputs.check_points(self.chain.point, train.markers)
         progress("learning", 0, 1)
         calibration = calibrate_kinematics(
             train,
-            method=self.method,
-            test=held_out,
+            method=self.search.method,
+            test=test,
             nominal=nominal,
             pins=pins,
-            loss=self.loss,
-            starts=self.starts,
-            seed=self.seed,
+            loss=self.search.loss,
+            starts=self.search.starts,
+            seed=self.held_out.seed,
             name=self.name,
             effects=effects,
             up=up,
@@ -92,14 +95,11 @@ class ArmTask:
         result = arm_result(calibration)
         if stereo is not None:
             result = stereo.with_pixels(result, calibration.model)
-        document = stamped(
-            document_of(result, verdict_on(result, self.require_test_mm)), command=self.command
-        )
+        document = judged_document(result, self.bounds, self.command)
         progress("writing the result", 0, 1)
         report = NoReport(document)
         if not self.no_report:
-            # Drawing is slow to load, and only needed once there is something to draw.
-            from nico_selfmodel.viz.reports.arm import arm_report
+            from nico_selfmodel.viz.reports.arm import arm_report  # slow to load
 
             report = arm_report(calibration, document, description)
         write_with_report(out, calibration.model, report, robot=description, force=force)

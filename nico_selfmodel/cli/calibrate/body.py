@@ -1,11 +1,11 @@
 """`nico-selfmodel calibrate body`: arm and cameras together."""
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from nico_selfmodel.cli import inputs, options
+from nico_selfmodel.cli import option_groups as groups
 from nico_selfmodel.cli.calibrate import any_body, arm_and_cameras
 
 _OF_TWO_CAMERAS = (
@@ -19,47 +19,16 @@ _OF_ANY_BODY = ("cameras", "prior", "robot_sigma")
 def body(
     context: typer.Context,
     dataset: options.Dataset,
-    out: options.Out,
-    model: options.KnownModelOrNone = None,
-    cameras: options.Cameras = None,
-    boards: Annotated[
-        Path | None, typer.Option("--boards", help="Photographs of a board by the cameras.")
-    ] = None,
-    board: options.Board = "9x6",
-    square_mm: options.SquareMm = 28.0,
-    tag_mm: options.TagMm = None,
-    family: options.Family = None,
-    board_test_fraction: Annotated[
-        float, typer.Option("--board-test-fraction", help="Share of the boards to hold out.")
-    ] = 0.2,
-    stage: Annotated[
-        str, typer.Option("--stage", help="kinematics, intrinsics-fixed or full.")
-    ] = "full",
-    variant: Annotated[
-        str, typer.Option("--variant", help="anchored, unanchored, or the thesis' own: thesis.")
-    ] = "anchored",
-    test: options.Test = None,
-    test_fraction: options.TestFraction = None,
-    seed: options.SplitSeed = 0,
-    fix: options.Fix = None,
-    free: options.Free = None,
-    prior: options.Prior = None,
-    effects: options.Effects = "auto",
-    up: options.Up = None,
-    loss: options.Loss = "trimmed",
-    robot: options.Robot = None,
+    output: groups.NamedOutput,
+    held_out: groups.HeldOut,
+    fixed: groups.Fixed,
+    known: any_body.Known,
+    bounds: groups.Bounds,
+    bends: groups.Bends,
+    chain: groups.Chain,
+    boards: arm_and_cameras.Boards,
+    choices: arm_and_cameras.Choices,
     robot_sigma: options.RobotSigma = None,
-    arm: options.Arm = None,
-    base: options.Base = None,
-    tip: options.Tip = None,
-    hold: options.Hold = None,
-    point: options.Point = None,
-    name: options.ModelName = None,
-    require_test_mm: options.RequireTestMm = None,
-    require_test_px: options.RequireTestPx = None,
-    no_report: options.NoReport = False,
-    force: options.Force = False,
-    as_json: options.AsJson = False,
 ) -> None:
     """Learn a body from all that was seen of it.
 
@@ -68,55 +37,35 @@ def body(
     `samples.csv` is of an arm and two cameras, which refine each other (thesis chapter 8): its
     --model has both cameras, and the arm if it is known.
     """
-    if _is_any_body(context, dataset):
+    any_tree = _is_any_body(context, dataset)
+    board = boards.load()
+    if any_tree:
         any_body.calibrate(
             dataset,
-            out,
-            test=test,
-            test_fraction=test_fraction,
-            seed=seed,
-            fix=fix,
-            free=free,
-            prior=prior,
-            robot=robot,
+            output,
+            held_out,
+            fixed,
+            known,
+            bounds,
+            bends=bends,
+            robot=chain.robot,
             robot_sigma=robot_sigma,
-            cameras=cameras,
-            boards=boards,
-            board=inputs.board(board, square_mm, tag_mm, family),
-            name=name,
-            require_test_mm=require_test_mm,
-            require_test_px=require_test_px,
-            no_report=no_report,
-            force=force,
-            as_json=as_json,
-            effects=effects,
-            up=up,
+            boards=boards.boards,
+            board=board,
         )
+    nominal = inputs.described_arm(chain)[1]
     arm_and_cameras.calibrate(
         dataset,
-        out,
-        model=model,
-        boards=boards,
-        board=inputs.board(board, square_mm, tag_mm, family),
-        board_test_fraction=board_test_fraction,
-        stage=stage,
-        variant=variant,
-        robot=robot,
-        nominal=inputs.described_arm(robot, arm, base, tip, hold, point)[1],
-        test=test,
-        test_fraction=test_fraction,
-        seed=seed,
-        fix=fix,
-        free=free,
-        loss=loss,
-        effects=effects,
-        up=up,
-        name=name,
-        require_test_mm=require_test_mm,
-        require_test_px=require_test_px,
-        no_report=no_report,
-        force=force,
-        as_json=as_json,
+        output,
+        held_out,
+        fixed,
+        bounds,
+        bends,
+        boards,
+        board,
+        choices,
+        chain.robot,
+        nominal,
     )
 
 

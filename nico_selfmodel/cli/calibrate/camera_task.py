@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nico_selfmodel.cli import inputs, printer
+from nico_selfmodel.cli.option_groups import Bounds, HeldOut
 from nico_selfmodel.cli.result_files import NoReport, stamped, write_with_report
 from nico_selfmodel.progress import Progress
 
@@ -72,7 +73,9 @@ class CameraTask:
         from nico_selfmodel.vision.boards.board_detections import detect_boards_of_cameras
 
         refuse_folder(out, force=force, inputs=[self.folder])
-        inputs.refuse_untested(None, self.require_test_px, self.test_fraction)
+        inputs.refuse_untested(
+            Bounds(None, self.require_test_px), HeldOut(None, self.test_fraction)
+        )
         known = inputs.model_of(self.known)
         name = self.name or inputs.name_after(self.folder)
         with printer.progress_bar() as progress:

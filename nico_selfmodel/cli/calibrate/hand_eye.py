@@ -1,25 +1,17 @@
 """`nico-selfmodel calibrate hand-eye`: a sensor and the flange of an arm whose pose is read."""
 
+from nico_selfmodel.cli import option_groups as groups
 from nico_selfmodel.cli import options
 from nico_selfmodel.cli.calibrate import any_body
 
 
 def hand_eye(
     dataset: options.Dataset,
-    out: options.Out,
-    test: options.Test = None,
-    test_fraction: options.TestFraction = None,
-    seed: options.SplitSeed = 0,
-    fix: options.Fix = None,
-    free: options.Free = None,
-    prior: options.Prior = None,
-    cameras: options.Cameras = None,
-    name: options.ModelName = None,
-    require_test_mm: options.RequireTestMm = None,
-    require_test_px: options.RequireTestPx = None,
-    no_report: options.NoReport = False,
-    force: options.Force = False,
-    as_json: options.AsJson = False,
+    output: groups.NamedOutput,
+    held_out: groups.HeldOut,
+    fixed: groups.Fixed,
+    known: any_body.Known,
+    bounds: groups.Bounds,
 ) -> None:
     """Learn where a sensor and its target are from flange poses (AX = XB), with error bars.
 
@@ -35,21 +27,4 @@ def hand_eye(
             f"{dataset} has no joint with 'motion: flange', whose pose a controller tells; with "
             "encoders give it to `calibrate body`"
         )
-    any_body.calibrate(
-        dataset,
-        out,
-        test=test,
-        test_fraction=test_fraction,
-        seed=seed,
-        fix=fix,
-        free=free,
-        prior=prior,
-        robot=None,
-        cameras=cameras,
-        name=name,
-        require_test_mm=require_test_mm,
-        require_test_px=require_test_px,
-        no_report=no_report,
-        force=force,
-        as_json=as_json,
-    )
+    any_body.calibrate(dataset, output, held_out, fixed, known, bounds)

@@ -5,18 +5,17 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli import option_groups as groups
 from nico_selfmodel.cli.calibrate import any_body
-from nico_selfmodel.cli.result_files import stamped, write_with_report
+from nico_selfmodel.cli.result_files import judged_document, write_with_report
 
 
 def mirror(
     context: typer.Context,
     dataset: options.Dataset,
     model: options.KnownModel,
-    out: options.Out,
-    test: options.Test = None,
-    test_fraction: options.TestFraction = None,
-    seed: options.SplitSeed = 0,
+    output: groups.Output,
+    held_out: groups.HeldOut,
     joint_sigma_deg: Annotated[
         float | None,
         typer.Option(
@@ -27,8 +26,6 @@ def mirror(
     loss: options.Loss = "trimmed",
     name: options.ModelName = None,
     require_test_px: options.RequireTestPx = None,
-    force: options.Force = False,
-    as_json: options.AsJson = False,
 ) -> None:
     """Learn where mirrors stand from poses in which the cameras saw the hand in them.
 
@@ -38,43 +35,32 @@ def mirror(
     from math import radians
 
     from nico_selfmodel.dataset.body.body_folder import is_body_dataset
-    from nico_selfmodel.estimation.judging import judge, to_json
+    from nico_selfmodel.estimation.judging import judge
     from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
     from nico_selfmodel.estimation.mirrors.mirror_findings import judged
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.model.self_model_file import load_model
 
-    refuse_folder(out, force=force, inputs=[dataset, test, model])
+    refuse_folder(output.out, force=output.force, inputs=[dataset, held_out.test, model])
+    bounds = groups.Bounds(None, require_test_px)
     if is_body_dataset(dataset):
         options.refuse_given(context, ["joint_sigma_deg", "loss"], any_body.NOISE_IS_KNOWN)
-        any_body.calibrate_mirrors(
-            dataset,
-            model,
-            out,
-            test=test,
-            test_fraction=test_fraction,
-            seed=seed,
-            name=name,
-            require_test_px=require_test_px,
-            force=force,
-            as_json=as_json,
-        )
-    inputs.refuse_untested(None, require_test_px, test, test_fraction)
-    train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)
+        any_body.calibrate_mirrors(dataset, model, output, held_out, bounds, name=name)
+    inputs.refuse_untested(bounds, held_out)
+    train, test = inputs.train_and_test(dataset, held_out)
     body = load_model(model)
     with printer.progress_bar() as progress:
         progress("learning mirrors", 0, 1)
         found = calibrate_mirrors(
             train,
             body,
-            test=held_out,
+            test=test,
             joint_sigma=None if joint_sigma_deg is None else radians(joint_sigma_deg),
             loss=loss,
             name=name,
         )
-        verdict = judge(found, require_test_px=require_test_px)
-        found = judged(found, verdict)
-        document = stamped(to_json(found, verdict))
+        found = judged(found, judge(found, require_test_px=require_test_px))
+        document = judged_document(found, bounds)
         progress("learning mirrors", 1, 1)
         progress("writing the result", 0, 1)
         # Drawing is slow to load, and only needed once there is something to draw.
@@ -85,6 +71,6 @@ def mirror(
         pictures = recorded_pictures(dataset, train)
         robot = ArmDescription.of_model(body) if pictures else None
         report = mirror_report(found, document, pictures, robot)
-        write_with_report(out, found.model, report, force=force)
+        write_with_report(output.out, found.model, report, force=output.force)
         progress("writing the result", 1, 1)
-    printer.result(found.model.name, document, out, json_instead=as_json)
+    printer.result(found.model.name, document, output.out, json_instead=output.as_json)

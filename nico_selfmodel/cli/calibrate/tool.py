@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli import option_groups as groups
 from nico_selfmodel.cli.calibrate import any_body
 from nico_selfmodel.cli.result_files import stamped, write_with_report
 
@@ -13,7 +14,8 @@ def tool(
     context: typer.Context,
     dataset: options.Dataset,
     model: options.KnownModel,
-    out: options.Out,
+    output: groups.Output,
+    held_out: groups.HeldOut,
     tool: Annotated[
         str | None, typer.Option("--tool", help="Name of the tip among the tracked points.")
     ] = None,
@@ -21,12 +23,7 @@ def tool(
         bool, typer.Option("--free-body", help="Estimate all else too, the model as prior.")
     ] = False,
     sensor: options.DataSensor = "auto",
-    test: options.Test = None,
-    test_fraction: options.TestFraction = None,
-    seed: options.SplitSeed = 0,
     loss: options.Loss = "trimmed",
-    force: options.Force = False,
-    as_json: options.AsJson = False,
 ) -> None:
     """Make a tool in the hand part of the body: three numbers, from three poses on.
 
@@ -40,38 +37,25 @@ def tool(
     from nico_selfmodel.model.self_model_file import load_model
     from nico_selfmodel.model.tree.body_model import is_body
 
-    refuse_folder(out, force=force, inputs=[dataset, model, test])
+    refuse_folder(output.out, force=output.force, inputs=[dataset, model, held_out.test])
     if is_body(model):
         options.refuse_given(context, ["free_body", "sensor", "loss"], any_body.NOISE_IS_KNOWN)
-        any_body.calibrate_tool(
-            dataset,
-            model,
-            out,
-            tool=tool,
-            test=test,
-            test_fraction=test_fraction,
-            seed=seed,
-            force=force,
-            as_json=as_json,
-        )
+        any_body.calibrate_tool(dataset, model, output, held_out, tool)
     known = load_model(model)
-    train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)
+    train, test = inputs.train_and_test(dataset, held_out)
     free = "body" if free_body else "point"
-    found = calibrate_tool(
-        known, train, tool=tool, free=free, sensor=sensor, test=held_out, loss=loss
-    )
-    verdict = judge(found)
+    found = calibrate_tool(known, train, tool=tool, free=free, sensor=sensor, test=test, loss=loss)
     evaluation = evaluate_update(
         with_marker(known, found.tool),
         found.update,
         of_tip(known, train, found.tool),
         found.sensor,
-        None if held_out is None else of_tip(known, held_out, found.tool),
+        None if test is None else of_tip(known, test, found.tool),
         with_prior=free_body,
     )
-    document = stamped(to_json(tool_result(found, evaluation), verdict))
-    # Drawing is slow to load, and only needed once there is something to draw.
-    from nico_selfmodel.viz.reports.updates import update_report
+    document = stamped(to_json(tool_result(found, evaluation), judge(found)))
+    from nico_selfmodel.viz.reports.updates import update_report  # slow to load
 
-    write_with_report(out, evaluation.after, update_report(evaluation, document), force=force)
-    printer.result(found.model.name, document, out, json_instead=as_json)
+    report = update_report(evaluation, document)
+    write_with_report(output.out, evaluation.after, report, force=output.force)
+    printer.result(found.model.name, document, output.out, json_instead=output.as_json)

@@ -2,18 +2,17 @@
 
 from nico_selfmodel.cli import options, printer
 from nico_selfmodel.cli.experiment.running import finish, imperfect, plausible_pixel_sigma
+from nico_selfmodel.cli.option_groups import Output
 
 
 def mirror(
-    out: options.Out,
+    output: Output,
     robots: options.RobotsOrOne = None,
     pixel_sigma: options.PixelSigma = None,
     joint_noise_deg: options.JointNoise = 0.5,
     rendered: options.Rendered = False,
     imperfections: options.Imperfections = "thesis",
     seed: options.FirstSeed = 0,
-    force: options.Force = False,
-    as_json: options.AsJson = False,
 ) -> None:
     """Learn three mirrors from 10 to 50 poses and predict the hand in them (chapter 9).
 
@@ -24,7 +23,7 @@ def mirror(
     from nico_selfmodel.experiments.mirror_report import report_of
     from nico_selfmodel.files.whole import refuse_folder
 
-    refuse_folder(out, force=force)
+    refuse_folder(output.out, force=output.force)
     if rendered and pixel_sigma is not None:
         raise ValueError("--pixel-sigma has no meaning with --rendered: pictures have their noise")
     sigma = plausible_pixel_sigma(pixel_sigma or 0.3)
@@ -40,4 +39,4 @@ def mirror(
             results = run_rendered_mirror(chosen, robots or 1, seed, progress=progress)
         else:
             results = run_mirror(robots or 5, sigma, noise, seed, progress)
-    finish(report_of(results), out, force, as_json)
+    finish(report_of(results), output)

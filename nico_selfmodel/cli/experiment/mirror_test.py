@@ -6,10 +6,11 @@ import typer
 
 from nico_selfmodel.cli import options, printer
 from nico_selfmodel.cli.experiment.running import finish
+from nico_selfmodel.cli.option_groups import Output
 
 
 def mirror_test(
-    out: options.Out,
+    output: Output,
     robots: options.Robots = 1,
     trials: Annotated[
         int, typer.Option("--trials", min=1, help="Encounters in all, shared by the robots.")
@@ -28,8 +29,6 @@ def mirror_test(
     ] = "flat",
     imperfections: options.Imperfections = "thesis",
     seed: options.FirstSeed = 0,
-    force: options.Force = False,
-    as_json: options.AsJson = False,
 ) -> None:
     """Is it me, do I look as I expect, what is that mark? The mirror test (chapter 10).
 
@@ -54,7 +53,7 @@ def mirror_test(
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
-    refuse_folder(out, force=force)
+    refuse_folder(output.out, force=output.force)
     chosen = imperfections_named(imperfections)
     from nico_selfmodel.sessions.mirrors.knowing import glass_named
 
@@ -66,5 +65,5 @@ def mirror_test(
         seeds = range(seed, seed + robots)
         test = run_stages(chosen, seeds, trials, looks, marks, plate, progress)
     report = report_of(test)
-    finish(report, out, force, as_json)
+    finish(report, output)
     raise typer.Exit(1 if report.document["status"] == "FAIL" else 0)

@@ -6,10 +6,11 @@ import typer
 
 from nico_selfmodel.cli import options, printer
 from nico_selfmodel.cli.experiment.running import finish
+from nico_selfmodel.cli.option_groups import Output
 
 
 def motion_capture(
-    out: options.Out,
+    output: Output,
     imperfections: options.Imperfections = "thesis",
     robots: options.Robots = 5,
     repeats: Annotated[
@@ -18,8 +19,6 @@ def motion_capture(
     seed: options.FirstSeed = 0,
     processes: options.Processes = 1,
     dask: options.Dask = None,
-    force: options.Force = False,
-    as_json: options.AsJson = False,
 ) -> None:
     """Learn an arm under motion capture from few and from many samples (chapter 6)."""
     from nico_selfmodel.experiments.motion_capture import run_motion_capture
@@ -29,7 +28,7 @@ def motion_capture(
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
-    refuse_folder(out, force=force)
+    refuse_folder(output.out, force=output.force)
     chosen = imperfections_named(imperfections)
     with printer.progress_bar() as progress:
         results = run_motion_capture(
@@ -41,4 +40,4 @@ def motion_capture(
             progress=progress,
             workers=Workers(processes, dask),
         )
-    finish(report_of(results), out, force, as_json)
+    finish(report_of(results), output)

@@ -7,10 +7,11 @@ import typer
 
 from nico_selfmodel.cli import options, printer
 from nico_selfmodel.cli.experiment.running import finish, imperfect
+from nico_selfmodel.cli.option_groups import Output
 
 
 def refinement(
-    out: options.Out,
+    output: Output,
     imperfections: options.Imperfections = "clean",
     joint_noise_deg: options.JointNoise = 0.5,
     robots: options.RobotsOrOne = None,
@@ -19,15 +20,13 @@ def refinement(
         list[str] | None, typer.Option("--tracker", help="fiducial or color; both if omitted.")
     ] = None,
     seed: options.FirstSeed = 0,
-    force: options.Force = False,
-    as_json: options.AsJson = False,
 ) -> None:
     """Jointly refine arm and cameras, as published and anchored to boards (chapter 8)."""
     from nico_selfmodel.experiments.refinement import run_refinement
     from nico_selfmodel.experiments.refinement_report import report_of
     from nico_selfmodel.files.whole import refuse_folder
 
-    refuse_folder(out, force=force)
+    refuse_folder(output.out, force=output.force)
     chosen, source = imperfect(imperfections, joint_noise_deg), None
     robots = robots or (1 if rendered else 8)
     if rendered:
@@ -39,4 +38,4 @@ def refinement(
         results = run_refinement(
             chosen, robots, seed, tuple(tracker or ("fiducial", "color")), progress, source
         )
-    finish(report_of(results), out, force, as_json)
+    finish(report_of(results), output)

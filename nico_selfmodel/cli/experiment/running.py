@@ -1,24 +1,24 @@
 """What every experiment's command does: refuse, run, write, print."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nico_selfmodel.cli import printer
+from nico_selfmodel.cli.option_groups import Output
 
 if TYPE_CHECKING:
     from nico_selfmodel.experiments.experiment_report import ExperimentReport
     from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 
-def finish(report: "ExperimentReport", out: Path, force: bool, as_json: bool) -> None:
+def finish(report: "ExperimentReport", output: Output) -> None:
     """Write what an experiment found, and print its tables or its document."""
-    report.write(out, force=force)
-    if as_json:
+    report.write(output.out, force=output.force)
+    if output.as_json:
         printer.as_json(report.document)
         return
     for table in report.tables:
         printer.table(table.title, table.headings, table.rows)
-    printer.folder(out)
+    printer.folder(output.out)
 
 
 def imperfect(name: str, joint_noise_deg: float | None) -> "Imperfections":

@@ -2,24 +2,23 @@
 
 from nico_selfmodel.cli import options, printer
 from nico_selfmodel.cli.experiment.running import finish, plausible_pixel_sigma
+from nico_selfmodel.cli.option_groups import Output
 
 
 def stereo(
-    out: options.Out,
+    output: Output,
     robots: options.Robots = 5,
     pixel_sigma: options.PixelSigma = 0.2,
     seed: options.FirstSeed = 0,
-    force: options.Force = False,
-    as_json: options.AsJson = False,
 ) -> None:
     """Learn a pair of cameras with several lens models and numbers of boards (chapters 5, 8)."""
     from nico_selfmodel.experiments.stereo import report_of, run_stereo
     from nico_selfmodel.files.whole import refuse_folder
 
-    refuse_folder(out, force=force)
+    refuse_folder(output.out, force=output.force)
     if robots < 2:
         raise ValueError("--robots must be at least 2: their spread is part of the result")
     sigma = plausible_pixel_sigma(pixel_sigma or 0.2)
     with printer.progress_bar() as progress:
         results = run_stereo(robots, sigma, seed, progress)
-    finish(report_of(results), out, force, as_json)
+    finish(report_of(results), output)

@@ -4,24 +4,23 @@ from functools import partial
 
 from nico_selfmodel.cli import options, printer
 from nico_selfmodel.cli.experiment.running import finish, imperfect
+from nico_selfmodel.cli.option_groups import Output
 
 
 def tool(
-    out: options.Out,
+    output: Output,
     imperfections: options.Imperfections = "clean",
     joint_noise_deg: options.JointNoise = 0.5,
     robots: options.RobotsOrOne = None,
     rendered: options.Rendered = False,
     seed: options.FirstSeed = 0,
-    force: options.Force = False,
-    as_json: options.AsJson = False,
 ) -> None:
     """Take a tool, and restart the encoders (section 8.4.4)."""
     from nico_selfmodel.experiments.tool_report import report_of
     from nico_selfmodel.experiments.tool_use import run_tool
     from nico_selfmodel.files.whole import refuse_folder
 
-    refuse_folder(out, force=force)
+    refuse_folder(output.out, force=output.force)
     chosen, source = imperfect(imperfections, joint_noise_deg), None
     robots = robots or (1 if rendered else 8)
     if rendered:
@@ -31,4 +30,4 @@ def tool(
         source = partial(rendered_tool_scenario, chosen)
     with printer.progress_bar() as progress:
         results = run_tool(chosen, robots, seed, progress, source)
-    finish(report_of(results), out, force, as_json)
+    finish(report_of(results), output)

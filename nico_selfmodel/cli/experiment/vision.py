@@ -2,24 +2,23 @@
 
 from nico_selfmodel.cli import options, printer
 from nico_selfmodel.cli.experiment.running import finish
+from nico_selfmodel.cli.option_groups import Output
 
 
 def vision(
-    out: options.Out,
+    output: Output,
     imperfections: options.Imperfections = "thesis",
     robots: options.Robots = 3,
     seed: options.FirstSeed = 0,
-    force: options.Force = False,
-    as_json: options.AsJson = False,
 ) -> None:
     """Learn cameras and arm through rendered pictures (chapter 7); minutes a robot."""
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
-    refuse_folder(out, force=force)
+    refuse_folder(output.out, force=output.force)
     chosen = imperfections_named(imperfections)
     from nico_selfmodel.experiments.vision import report_of, run_vision
 
     with printer.progress_bar() as progress:
         results = run_vision(chosen, individuals=robots, seed=seed, progress=progress)
-    finish(report_of(results), out, force, as_json)
+    finish(report_of(results), output)

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from nico_selfmodel.cli import printer
-from nico_selfmodel.cli.result_files import stamped, write_with_report
+from nico_selfmodel.cli.option_groups import Output
+from nico_selfmodel.cli.result_files import judged_document, stamped, write_with_report
 
 if TYPE_CHECKING:
     from nico_selfmodel.sessions.body_scenario import BodyScenario
@@ -25,14 +26,12 @@ THESIS = {
 
 
 def learn_by_cameras(
-    out: Path,
+    output: Output,
     sensor: str,
     world: "Imperfections",
     seed: int,
     random_poses: int,
-    force: bool,
-    as_json: bool,
-    mirror: bool = False,
+    mirror: bool,
 ) -> NoReturn:
     """Calibrate the cameras, watch the hand, learn the arm, refine both, write the result."""
     from nico_selfmodel.cli.learn.mirror import mirror_parts, write_mirror_scenario
@@ -54,13 +53,20 @@ def learn_by_cameras(
             )
             scenario = with_mirror(scenario, seen)
         progress("writing the result", 0, 1)
-        document = write_scenario(out, scenario, marker, force)
+        document = write_scenario(output.out, scenario, marker, output.force)
         if seen is not None:
-            document = write_mirror_scenario(out, document, seen)
+            document = write_mirror_scenario(output.out, document, seen)
         progress("writing the result", 1, 1)
     parts = _parts(scenario, document, sensor) + mirror_parts(document)
     more = _told_in_words(document)
-    printer.result(scenario.model.name, document, out, parts=parts, more=more, json_instead=as_json)
+    printer.result(
+        scenario.model.name,
+        document,
+        output.out,
+        parts=parts,
+        more=more,
+        json_instead=output.as_json,
+    )
 
 
 def write_scenario(out: Path, scenario: "BodyScenario", marker: str, force: bool) -> dict[str, Any]:
@@ -96,13 +102,13 @@ def _write_unrefined(
     out: Path, scenario: "BodyScenario", marker: str, force: bool
 ) -> dict[str, Any]:
     """Write the arm as it was learned after the cameras, and why nothing better came of it."""
-    from nico_selfmodel.estimation.judging import judge, result_of, to_json
+    from nico_selfmodel.estimation.judging import result_of
     from nico_selfmodel.systems.looking import looking_arm
     from nico_selfmodel.viz.reports.arm import arm_report
 
     arm, robot = scenario.arm, looking_arm(marker)
     result = arm.stereo.with_pixels(result_of(arm.calibration), arm.model)
-    document = stamped(to_json(result, judge(result))) | _told(scenario)
+    document = judged_document(result) | _told(scenario)
     write_with_report(
         out,
         arm.model,

@@ -1,13 +1,15 @@
 """`nico-selfmodel learn`: the main job."""
 
 import warnings
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
-from nico_selfmodel.cli.result_files import stamped, write_with_report
+from nico_selfmodel.cli import option_groups as groups
+from nico_selfmodel.cli.result_files import judged_document, write_with_report
 
 if TYPE_CHECKING:
     from nico_selfmodel.plant import ArmDescription
@@ -18,9 +20,17 @@ _OF_ONE_ARM = ("random_poses", "sensor", "mirror", "robot", "arm", "base", "tip"
 SENSORS = ("stereo-fiducial", "stereo-color", "motion-capture")
 
 
+@dataclass(frozen=True)
+class FirstArm(groups.Output):
+    """The folder to make; a first arm's where nothing is said."""
+
+    out: options.Out = Path("first_arm")
+
+
 def learn(
     context: typer.Context,
-    out: options.Out = Path("first_arm"),
+    chain: groups.NicoOrChain,
+    output: FirstArm,
     imperfections: options.Imperfections = "thesis",
     seed: options.RobotSeed = 0,
     random_poses: options.RandomPoses = 100,
@@ -49,19 +59,11 @@ def learn(
             "more the outer shape of head and chest, kept in body/. Some 7 minutes.",
         ),
     ] = False,
-    robot: options.Robot = "nico",
-    arm: options.Arm = None,
-    base: options.Base = None,
-    tip: options.Tip = None,
-    hold: options.Hold = None,
-    point: options.Point = None,
-    force: options.Force = False,
-    as_json: options.AsJson = False,
 ) -> None:
     """Let a simulated robot watch its hand move; it learns cameras, arm, then both together."""
     from nico_selfmodel.files.whole import refuse_folder
 
-    refuse_folder(out, force=force)
+    refuse_folder(output.out, force=output.force)
     # What learns and draws is slow to load, and only needed once the input is known to be right.
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
@@ -71,23 +73,23 @@ def learn(
 
         why = "with --shape Nico learns its right arm of six joints, by its cameras, and mirrors"
         options.refuse_given(context, (*_OF_ONE_ARM, "head", "arms"), why)
-        learn_shape(out, world, seed, force, as_json)
+        learn_shape(output, world, seed)
     if head or arms is not None:
         from nico_selfmodel.cli.learn.whole_body import learn_whole_body
 
         why = "with --head Nico's own cameras watch its whole arms"
         options.refuse_given(context, _OF_ONE_ARM, why)
-        learn_whole_body(out, world, seed, _chosen_arms(arms, head=head), force, as_json)
-    chain = (arm, base, tip, hold, point)
-    sensor = _chosen_sensor(sensor, robot not in (None, "nico") or any(chain))
+        learn_whole_body(output, world, seed, _chosen_arms(arms, head=head))
+    elsewhere = chain.robot not in (None, "nico") or chain.names_a_part
+    sensor = _chosen_sensor(sensor, elsewhere)
     if sensor != "motion-capture":
         from nico_selfmodel.cli.learn.by_cameras import learn_by_cameras
 
-        learn_by_cameras(out, sensor, world, seed, random_poses, force, as_json, mirror)
+        learn_by_cameras(output, sensor, world, seed, random_poses, mirror)
     if mirror:
         raise ValueError("--mirror needs cameras: --sensor stereo-fiducial or stereo-color")
-    description = inputs.chosen_arm(robot or "nico", *chain)
-    _by_motion_capture(out, world, seed, random_poses, description, force, as_json)
+    description = inputs.chosen_arm(chain)
+    _by_motion_capture(output, world, seed, random_poses, description)
 
 
 def _chosen_arms(arms: str | None, *, head: bool) -> tuple[str, ...]:
@@ -130,16 +132,13 @@ def _cameras_or_else() -> str:
 
 
 def _by_motion_capture(
-    out: Path,
+    output: groups.Output,
     world: "Imperfections",
     seed: int,
     random_poses: int,
     description: "ArmDescription",
-    force: bool,
-    as_json: bool,
 ) -> None:
     """Learn an arm from what motion capture sees of it (chapter 6)."""
-    from nico_selfmodel.estimation.judging import judge, to_json
     from nico_selfmodel.sessions.motion_capture_scenario import learn_by_motion_capture
     from nico_selfmodel.viz.reports.arm import arm_report
 
@@ -148,15 +147,14 @@ def _by_motion_capture(
             description, world, seed=seed, random_poses=random_poses, stage=progress
         )
         progress("writing the result", 0, 1)
-        verdict = judge(first.refined)
-        document = stamped(to_json(first.refined, verdict))
+        document = judged_document(first.refined)
         write_with_report(
-            out,
+            output.out,
             first.refined.model,
             arm_report(first.refined, document, description),
             robot=description,
             recordings={"train": first.train, "test": first.test},
-            force=force,
+            force=output.force,
         )
         progress("writing the result", 1, 1)
     circles = first.circle_points.test if first.circle_points else None
@@ -168,4 +166,6 @@ def _by_motion_capture(
         ("training, refined", document["train"]),
         ("thesis, refined (real robot)", thesis),
     ]
-    printer.result(first.refined.model.name, document, out, parts=parts, json_instead=as_json)
+    printer.result(
+        first.refined.model.name, document, output.out, parts=parts, json_instead=output.as_json
+    )

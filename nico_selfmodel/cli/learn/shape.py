@@ -9,23 +9,22 @@ import numpy as np
 
 from nico_selfmodel.cli import printer
 from nico_selfmodel.cli.learn.mirror import mirror_parts, write_mirror_scenario
-from nico_selfmodel.cli.result_files import stamped, write_with_report
+from nico_selfmodel.cli.option_groups import Output
+from nico_selfmodel.cli.result_files import judged_document, write_with_report
 
 if TYPE_CHECKING:
     from nico_selfmodel.sessions.mirrors.shape_scenario import ShapeScenario
     from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 
-def learn_shape(
-    out: Path, world: "Imperfections", seed: int, force: bool, as_json: bool
-) -> NoReturn:
+def learn_shape(output: Output, world: "Imperfections", seed: int) -> NoReturn:
     """Learn cameras, arm, mirrors, and the shape of head and chest in them; write the result."""
     from nico_selfmodel.sessions.mirrors.shape_scenario import learn_own_shape
 
     with printer.progress_bar() as progress:
         scenario = learn_own_shape(world, seed, progress)
         progress("writing the result", 0, 1)
-        document = write_shape_scenario(out, scenario, force)
+        document = write_shape_scenario(output.out, scenario, output.force)
         progress("writing the result", 1, 1)
     parts = [
         ("held out", document["test"]),
@@ -33,7 +32,14 @@ def learn_shape(
         *mirror_parts(document),
     ]
     more = _told_in_words(document)
-    printer.result(scenario.model.name, document, out, parts=parts, more=more, json_instead=as_json)
+    printer.result(
+        scenario.model.name,
+        document,
+        output.out,
+        parts=parts,
+        more=more,
+        json_instead=output.as_json,
+    )
 
 
 def write_shape_scenario(out: Path, scenario: "ShapeScenario", force: bool) -> dict[str, Any]:
@@ -47,14 +53,14 @@ def write_shape_scenario(out: Path, scenario: "ShapeScenario", force: bool) -> d
     Returns:
         What is in its `result.json`.
     """
-    from nico_selfmodel.estimation.judging import judge, result_of, to_json
+    from nico_selfmodel.estimation.judging import result_of
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.viz.reports.arm import arm_report
 
     arm, robot = scenario.arm, ArmDescription.of_model(scenario.model)
     calibration = replace(arm.calibration, model=scenario.model)
     result = arm.stereo.with_pixels(result_of(calibration), scenario.model)
-    document = stamped(to_json(result, judge(result))) | {"shape": shape_document(scenario)}
+    document = judged_document(result) | {"shape": shape_document(scenario)}
     write_with_report(
         out,
         scenario.model,

@@ -1,11 +1,11 @@
 """The part of `nico-selfmodel learn` in which the head turns: `--head`, `--arms`."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from nico_selfmodel.cli import printer
-from nico_selfmodel.cli.result_files import stamped, write_with_report
+from nico_selfmodel.cli.option_groups import Output
+from nico_selfmodel.cli.result_files import judged_document, write_with_report
 
 if TYPE_CHECKING:
     from nico_selfmodel.sessions.whole_scenario import WholeScenario
@@ -13,12 +13,10 @@ if TYPE_CHECKING:
 
 
 def learn_whole_body(
-    out: Path,
+    output: Output,
     world: "Imperfections",
     seed: int,
     arms: Sequence[str],
-    force: bool,
-    as_json: bool,
 ) -> NoReturn:
     """Let the head look about a room and at the hands, learn all of it, write the result."""
     from nico_selfmodel.estimation.tree.tree_result import body_model
@@ -30,24 +28,25 @@ def learn_whole_body(
         progress("writing the result", 0, 1)
         document = _document(scenario)
         write_with_report(
-            out,
+            output.out,
             body_model(scenario.found),
             tree_report(scenario.found, document),
             recordings={"train": scenario.train, "test": scenario.test},
-            force=force,
+            force=output.force,
         )
         progress("writing the result", 1, 1)
     more = _told_in_words(document)
-    printer.result(scenario.found.name, document, out, more=more, json_instead=as_json)
+    printer.result(
+        scenario.found.name, document, output.out, more=more, json_instead=output.as_json
+    )
 
 
 def _document(scenario: "WholeScenario") -> dict[str, Any]:
     """Return what `result.json` tells, of each lens alone and of each hand too."""
-    from nico_selfmodel.estimation.judging import judge, to_json
     from nico_selfmodel.estimation.tree.link_errors import held_out_links
 
     found = scenario.found
-    return stamped(to_json(found, judge(found))) | {
+    return judged_document(found) | {
         "lenses": {
             name: {"boards": len(lens.views), "rms_px": lens.rms}
             for name, lens in scenario.lenses.items()

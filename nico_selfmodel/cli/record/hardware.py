@@ -2,12 +2,12 @@
 
 import math
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from nico_selfmodel.cli import inputs, printer
+from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.option_groups import Chain, OptionGroup
 from nico_selfmodel.cli.servo.opening import ask, speed_of
 
 if TYPE_CHECKING:
@@ -30,24 +30,37 @@ _ATTEMPTS, _SLACK = 5, 0.05
 stands by then, as no goal lies further ahead than the heartbeat."""
 
 
-@dataclass(frozen=True)
-class Hardware:
-    """What the options of real hardware say."""
+_SOURCE = "Real camera: N of /dev/videoN, a video, or a folder of images."
 
-    port: str | None
-    config: Path | None
-    baud: int | None
-    left_camera: str | None
-    right_camera: str | None
-    motion_capture: str | None
-    speed_deg_s: float | None
-    trust_zero: bool
-    yes: bool
-    robot: str | None
-    arm: str | None
-    base: str | None
-    tip: str | None
-    hold: tuple[str, ...]
+
+@dataclass(frozen=True)
+class Hardware(OptionGroup):
+    """The real robot to record, if one is."""
+
+    port: options.PortOrNone = None
+    config: options.ConfigOrNone = None
+    baud: options.BaudOrNone = None
+    left_camera: Annotated[str | None, typer.Option("--left-camera", help=_SOURCE)] = None
+    right_camera: Annotated[str | None, typer.Option("--right-camera", help=_SOURCE)] = None
+    motion_capture: Annotated[
+        str | None,
+        typer.Option(
+            "--motion-capture", metavar="HOST:PORT", help="Where real motion capture sends frames."
+        ),
+    ] = None
+    robot: options.Robot = None
+    arm: options.Arm = None
+    base: options.Base = None
+    tip: options.Tip = None
+    hold: options.Hold = None
+    speed_deg_s: options.Speed = None
+    trust_zero: options.TrustZero = False
+    yes: options.Yes = False
+
+    @property
+    def chain(self) -> Chain:
+        """The arm that is moved."""
+        return Chain(self.robot, self.arm, self.base, self.tip, self.hold)
 
     def is_meant(self, imperfections: str, sensor: str) -> bool:
         """Return whether a real robot is to be recorded.
@@ -55,12 +68,8 @@ class Hardware:
         Raises:
             ValueError: If options contradict each other.
         """
-        others = (self.config, self.baud, self.left_camera, self.right_camera)
-        others += (self.motion_capture, self.speed_deg_s)
-        others += (self.robot, self.arm, self.base, self.tip)
         if self.port is None:
-            given = any(value is not None for value in others)
-            if given or self.hold or self.trust_zero or self.yes:
+            if self != Hardware():
                 raise ValueError("options of a real robot need --port, its serial port")
             return False
         if imperfections != "thesis":
@@ -94,12 +103,12 @@ def record_hardware(request: "Request", hardware: Hardware) -> "Dataset":
     """
     import numpy as np
 
-    from nico_selfmodel.files.reading import LARGEST_TABLE, read_text
+    from nico_selfmodel.dataset.csv_table import CsvTable
     from nico_selfmodel.sessions.hardware_recording import RealRecording
 
     config = configuration(hardware)
     rng = np.random.default_rng((request.seed, request.session, 2))
-    table = None if request.poses is None else read_text(request.poses, LARGEST_TABLE)
+    table = None if request.poses is None else CsvTable.read(request.poses)
     planned = RealRecording.planned(
         request.sensor, config.joint_infos, request.circle, request.random, rng, table,
         _arm(hardware, config),
@@ -155,12 +164,11 @@ def _arm(hardware: Hardware, config: "ServoConfig") -> "ArmDescription | None":
     """Return the arm that was named, its limits those of its servos; None where none was."""
     import numpy as np
 
-    its = (hardware.arm, hardware.base, hardware.tip, list(hardware.hold))
     if hardware.robot is None:
-        if any(its):
+        if hardware.chain.names_a_part:
             raise ValueError("--arm, --base, --tip and --hold need --robot")
         return None
-    described = inputs.chosen_arm(hardware.robot, *its, None)
+    described = inputs.chosen_arm(hardware.chain)
     servos = {joint.name: joint for joint in config.joints}
     missing = [name for name in described.joints if name not in servos]
     if missing:

@@ -2,75 +2,103 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from nico_selfmodel.cli import options
+from nico_selfmodel.cli.option_groups import OptionGroup
 
 SENSORS = ("motion-capture", "stereo-fiducial", "stereo-color", "chessboard")
-POSES = 20
+MIRROR_POSES = 20
 """Poses in each mirror, and without one, unless told otherwise."""
+_CIRCLE, _RANDOM = 60, 100
+"""Poses on the joints' circles in all, and random ones, where nothing else is asked."""
 
 
 @dataclass(frozen=True)
-class Request:
+class Request(OptionGroup):
     """What is recorded of which robot."""
 
-    out: Path
-    """Folder to make; a recording in it is resumed."""
-    sensor: str
-    """One of `SENSORS`."""
-    seed: int
-    """Which robot instance."""
-    session: int
-    """Which recording of it."""
-    circle: int
-    """Poses on the joints' circles in all."""
-    random: int
-    """Random poses; in each mirror and without one, where there are mirrors."""
-    poses: Path | None
-    """Table of poses to visit instead of random ones."""
-    mirrors: tuple[str, ...]
-    """As on the command line."""
-    cameras: Path | None
-    """A self-model with calibrated cameras."""
-    images: bool
-    """Keep the pictures."""
-    glass: str | None = None
-    """Width and height of the mirrors' glass, as on the command line."""
+    out: options.Out
+    sensor: Annotated[
+        str, typer.Option("--sensor", help=f"Who watches what: {', '.join(SENSORS)}.")
+    ] = "stereo-fiducial"
+    seed: options.RobotSeed = 0
+    session: options.Session = 0
+    asked_circle: Annotated[
+        int | None,
+        typer.Option(
+            "--circle", min=0, help="Poses on the joints' circles in all; 60, with --mirror none."
+        ),
+    ] = None
+    asked_random: Annotated[
+        int | None,
+        typer.Option(
+            "--random",
+            min=0,
+            help=f"Random poses; 100, with --mirror {MIRROR_POSES} in each mirror and "
+            f"{MIRROR_POSES} without.",
+        ),
+    ] = None
+    poses: Annotated[
+        Path | None,
+        typer.Option("--poses", help="CSV of `choose-poses`: visited instead of random ones."),
+    ] = None
+    mirrors: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--mirror",
+            metavar=options.MIRROR,
+            help="Record the hand in a mirror too: its distance from the left camera, and how far "
+            "it is turned to the image's right and upwards; 300,0,-20 if left out. Repeat for more "
+            "mirrors.",
+        ),
+    ] = None
+    glass: Annotated[
+        str | None,
+        typer.Option(
+            "--glass-size",
+            metavar="WIDTH,HEIGHT",
+            help="Size of the mirrors [mm]; 400,300 if left out.",
+        ),
+    ] = None
+    cameras: options.Cameras = None
+    images: Annotated[bool, typer.Option("--images", help="Keep the pictures too.")] = False
 
-    @classmethod
-    def of(
-        cls,
-        out: Path,
-        sensor: str,
-        seed: int,
-        session: int,
-        circle: int | None,
-        random: int | None,
-        poses: Path | None,
-        mirrors: list[str] | None,
-        cameras: Path | None,
-        images: bool,
-        glass: str | None = None,
-    ) -> "Request":
-        """Return what options ask for, with numbers of poses that fit where none were given.
+    @property
+    def circle(self) -> int:
+        """Poses on the joints' circles in all."""
+        if self.asked_circle is not None:
+            return self.asked_circle
+        return 0 if self.mirrors or self.poses else _CIRCLE
+
+    @property
+    def random(self) -> int:
+        """Random poses; in each mirror and without one, where there are mirrors."""
+        if self.asked_random is not None:
+            return self.asked_random
+        return MIRROR_POSES if self.mirrors else _RANDOM
+
+    def check(self) -> None:
+        """Refuse options that would be ignored.
 
         Raises:
-            ValueError: If the sensor does not exist, or options would be ignored.
+            ValueError: If the sensor does not exist, or options do not go together.
         """
+        sensor = self.sensor
         if sensor not in SENSORS:
             raise ValueError(f"no sensor {sensor!r}; there are {', '.join(SENSORS)}")
-        if poses is not None and (sensor == "chessboard" or mirrors):
+        if self.poses is not None and (sensor == "chessboard" or self.mirrors):
             raise ValueError(
                 "--poses moves the arm before motion capture or cameras, without a mirror"
             )
-        if poses is not None and random is not None:
+        if self.poses is not None and self.asked_random is not None:
             raise ValueError("--poses are visited instead of random ones: leave out --random")
-        circle = (0 if mirrors or poses else 60) if circle is None else circle
-        random = (POSES if mirrors else 100) if random is None else random
-        if not sensor.startswith("stereo-") and (cameras is not None or images):
+        if not sensor.startswith("stereo-") and (self.cameras is not None or self.images):
             raise ValueError("--cameras and --images need --sensor stereo-fiducial or stereo-color")
-        if sensor != "chessboard" and circle == 0 and random == 0:
+        if sensor != "chessboard" and self.circle == 0 and self.random == 0:
             raise ValueError("nothing to record: give --circle or --random")
-        named = tuple(mirrors or ())
-        return cls(out, sensor, seed, session, circle, random, poses, named, cameras, images, glass)
 
     def check_mirrors(self, *, real: bool) -> None:
         """Refuse what cannot be done before a mirror.

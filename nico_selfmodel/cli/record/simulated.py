@@ -104,7 +104,7 @@ def _before_mirrors(request: "Request", world: "Imperfections") -> "Dataset":
         plate_of_words,
     )
 
-    places, plate = mirrors_of_words(request.mirrors), plate_of_words(request.glass)
+    places, plate = mirrors_of_words(request.mirrors or ()), plate_of_words(request.glass)
     model = None if request.cameras is None else load_model(request.cameras)
     knows = model if model is not None and model.has_arm else None
     marker = MARKERS[request.sensor]

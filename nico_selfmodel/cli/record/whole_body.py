@@ -37,9 +37,8 @@ class WholeRequest:
 
     @classmethod
     def of(
-        cls, request: "Request", circle: int | None, *, head: bool, arms: str | None,
-        room: Path | None, real: bool,
-    ) -> "WholeRequest | None":  # fmt: skip
+        cls, request: "Request", *, head: bool, arms: str | None, room: Path | None, real: bool
+    ) -> "WholeRequest | None":
         """Return what options ask for; None where they are about one arm.
 
         Raises:
@@ -57,7 +56,7 @@ class WholeRequest:
             raise ValueError(
                 "a whole body is recorded by markers on its hands: leave out --images and --sensor"
             )
-        if circle is not None:
+        if request.asked_circle is not None:
             raise ValueError("--circle is for one arm: a whole body is sent to --random poses")
         if request.poses is None and not request.random:
             raise ValueError("nothing to record: give --random N of 1 or more, or --poses FILE")
@@ -163,7 +162,7 @@ def _before_mirrors(asked: WholeRequest, world: "Imperfections") -> "BodyDataset
             request.seed,
             request.session,
             asked.whole,
-            mirrors_of_words(request.mirrors),
+            mirrors_of_words(request.mirrors or ()),
             request.random,
             inputs.name_after(request.out),
             lenses=asked.lenses,

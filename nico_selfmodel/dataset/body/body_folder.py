@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Sequence
+from itertools import chain
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,6 @@ from nico_selfmodel.dataset.body.plausible_body import check_plausible_body
 from nico_selfmodel.dataset.body.sensors import SENSOR_COLUMNS, MarkerInfo, SensorInfo
 from nico_selfmodel.dataset.columns import APPROACH, ENCODER
 from nico_selfmodel.dataset.csv_table import CsvTable
-from nico_selfmodel.dataset.samples_file import side_column
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.csv_cells import number_cells, table_text, text_cells
 from nico_selfmodel.files.reading import real_path
@@ -42,7 +42,8 @@ FILES = ("dataset.yaml", "poses.csv", "observations.csv")
 _KEYS = ("format", "name", "joints", "markers", "sensors", "source", "seed")
 _POSE = ("x_m", "y_m", "z_m", "rx", "ry", "rz")
 _QUATERNION = ("qx", "qy", "qz", "qw")
-_VALUES = ("x_m", "y_m", "z_m", "rx", "ry", "rz", "u", "v", "distance_m")
+_VALUES = tuple(dict.fromkeys(chain.from_iterable(SENSOR_COLUMNS.values())))
+"""Every column that a sensor of some kind fills."""
 
 
 def is_body_dataset(folder: str | PathLike[str]) -> bool:
@@ -70,7 +71,7 @@ def load_body_dataset(folder: str | PathLike[str]) -> BodyDataset:
     poses = CsvTable.read(folder / FILES[1])
     sample = poses.integers("sample")
     readings, flanges = _read_joints(poses, head["joints"])
-    sides = [side_column(poses, f"{APPROACH}.{joint.name}") for joint in head["joints"]]
+    sides = [poses.sides(f"{APPROACH}.{joint.name}") for joint in head["joints"]]
     del poses  # a million rows of text take half a gigabyte
     table = CsvTable.read(folder / FILES[2])
     observations = _read_observations(table, sample, head["markers"], head["sensors"])
@@ -215,8 +216,8 @@ def _read_observations(
         other = np.where(given, _indices(table, "other", [m.name for m in markers], given), -1)
     columns = {name: np.full(len(table), np.nan) for name in _VALUES}
     columns |= dict(zip(_POSE, _poses_in(table, "", empty=True).T, strict=True))
-    for name in _VALUES[6:]:
-        if name in table.columns:
+    for name in _VALUES:
+        if name not in _POSE and name in table.columns:
             columns[name] = table.numbers(name, empty_allowed=True)
     values = np.full((len(table), WIDTH), np.nan)
     for i, info in enumerate(sensors):

@@ -1,6 +1,5 @@
 """A joint of a tree as its encoder shows it."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.yaml_mapping import check_keys, integer_value, number_value, text_value
+from nico_selfmodel.model.encoder_units import ANGLES, COUNTS, LENGTHS, check_unit, unit_size
 from nico_selfmodel.model.tree.body_tree import (
     FLANGE,
     FREE,
@@ -23,14 +23,15 @@ from nico_selfmodel.names import check_name, listed, shown
 
 WORLD_NAME = "world"
 """What is `on` no link says so."""
+_POSE = "pose"
+"""Unit of joints that no encoder reads: metres and radians of their whole poses."""
 UNITS = {
-    REVOLUTE: ("rad", "deg", "counts"),
-    PRISMATIC: ("m", "mm", "counts"),
-    FLANGE: ("pose",),
-    FREE: ("pose",),
+    REVOLUTE: ANGLES,
+    PRISMATIC: LENGTHS,
+    FLANGE: (_POSE,),
+    FREE: (_POSE,),
 }
 """Units in which each kind of joint is read."""
-_FACTOR = {"rad": 1.0, "deg": math.pi / 180.0, "m": 1.0, "mm": 1e-3, "pose": 1.0}
 _LIMITS = ("lower", "upper")
 _KEYS = (
     "name", "parent", "motion", "encoder_unit", "counts_per_turn", "sign", "follows", *_LIMITS,
@@ -75,17 +76,7 @@ class LinkJoint:
                 f"joint {self.name!r}: motion must be one of {', '.join(MOTIONS)}, got "
                 f"{shown(self.motion)}"
             )
-        if self.encoder_unit not in UNITS[self.motion]:
-            raise ValueError(
-                f"joint {self.name!r}: encoder_unit of a {self.motion} joint must be one of "
-                f"{', '.join(UNITS[self.motion])}, got {shown(self.encoder_unit)}"
-            )
-        counts = self.encoder_unit == "counts"
-        if counts != ((self.counts_per_turn or 0.0) > 0.0):
-            raise ValueError(
-                f"joint {self.name!r}: counts_per_turn goes with encoder_unit 'counts' and must be "
-                f"positive, got {self.counts_per_turn} with {self.encoder_unit!r}"
-            )
+        check_unit(self.name, self.encoder_unit, self.counts_per_turn, UNITS[self.motion])
         if self.sign not in (1, -1):
             raise ValueError(f"joint {self.name!r}: sign must be 1 or -1, got {self.sign}")
         if any(ratio == 0.0 for ratio in self.follows.values()):
@@ -105,9 +96,9 @@ class LinkJoint:
     @property
     def si_per_unit(self) -> float:
         """Size of one unit of the reading, with the wiring's sign [rad or m]."""
-        if self.counts_per_turn is not None:
-            return self.sign * 2.0 * math.pi / self.counts_per_turn
-        return self.sign * _FACTOR[self.encoder_unit]
+        if self.encoder_unit == _POSE:
+            return float(self.sign)
+        return self.sign * unit_size(self.encoder_unit, self.counts_per_turn)
 
     @property
     def is_read(self) -> bool:
@@ -117,7 +108,7 @@ class LinkJoint:
     @property
     def gear_known(self) -> bool:
         """Whether a reading is the joint's displacement, in its unit."""
-        return self.encoder_unit != "counts"
+        return self.encoder_unit != COUNTS
 
     @classmethod
     def from_mapping(cls, entry: Any, before: str, where: str) -> "LinkJoint":

@@ -1,13 +1,12 @@
 """Encoder readings <-> joint displacements."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.arrays import frozen_array, read_only
-
-ENCODER_UNITS = ("counts", "rad", "deg")
+from nico_selfmodel.model.encoder_units import ANGLES, COUNTS, unit_size
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +40,9 @@ class ServoMap:
             object.__setattr__(self, name, frozen_array(getattr(self, name), (n,), name))
         counts = read_only(self.counts_per_turn, float)
         object.__setattr__(self, "counts_per_turn", counts)
-        if len(self.unit) != n or set(self.unit) - set(ENCODER_UNITS):
-            raise ValueError(f"unit must name one of {ENCODER_UNITS} a joint, got {self.unit}")
-        if counts.shape != (n,) or np.any(~(counts > 0.0) & (np.array(self.unit) == "counts")):
+        if len(self.unit) != n or set(self.unit) - set(ANGLES):
+            raise ValueError(f"unit must name one of {ANGLES} a joint, got {self.unit}")
+        if counts.shape != (n,) or np.any(~(counts > 0.0) & (np.array(self.unit) == COUNTS)):
             raise ValueError("counts_per_turn must be positive for every joint read in counts")
         if np.any(self.gear == 0.0) or not np.isin(self.sign, (-1.0, 1.0)).all():
             raise ValueError("gear must not be zero and sign must be +1 or -1")
@@ -51,10 +50,8 @@ class ServoMap:
     @property
     def radians_per_unit(self) -> NDArray:
         """Encoder radians per unit of the reading, with the sign. Shape (n,)."""
-        unit = np.array(self.unit)
-        scale = np.where(unit == "deg", np.pi / 180.0, 1.0)
-        counts = np.where(unit == "counts", self.counts_per_turn, 1.0)
-        return self.sign * np.where(unit == "counts", 2.0 * np.pi / counts, scale)
+        units = zip(self.unit, self.counts_per_turn.tolist(), strict=True)
+        return self.sign * np.array([unit_size(unit, counts) for unit, counts in units])
 
     def to_radians(self, readings: ArrayLike) -> NDArray:
         """Return encoder angles [rad] of readings in their own unit. Shape (..., n)."""
@@ -67,7 +64,3 @@ class ServoMap:
     def to_encoder(self, q: ArrayLike) -> NDArray:
         """Return the readings at joint displacements q [rad]. Shape (..., n)."""
         return (self.offset + self.gear * np.asarray(q)) / self.radians_per_unit
-
-    def rezeroed(self, q: ArrayLike) -> "ServoMap":
-        """Return the same servos with zero displacement moved to `q` [rad]. Shape (n,)."""
-        return replace(self, offset=self.offset + self.gear * np.asarray(q, dtype=float))

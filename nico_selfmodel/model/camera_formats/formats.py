@@ -19,7 +19,6 @@ from nico_selfmodel.model.cameras.rig_parameters import SIDES
 FORMATS = {"opencv": ".yaml", "opencv-json": ".json", "ros": ".yaml", "kalibr": ".yaml"}
 FORMATS["mrcal"] = ".cameramodel"
 """Name of each, and how its files end."""
-_ONE_A_FILE = ("ros", "mrcal")
 
 
 def camera_texts(cameras: Mapping[str, Camera], kind: str) -> dict[str, str]:

@@ -18,7 +18,7 @@ from nico_selfmodel.servos.arm.shutdown import release_each, stop_each
 from nico_selfmodel.servos.arm.take_over import switch_on, take_over
 from nico_selfmodel.servos.arm_state import ArmState
 from nico_selfmodel.servos.bus_settings import BusSettings
-from nico_selfmodel.servos.drivers import open_joint_bus
+from nico_selfmodel.servos.drivers import driver_of
 from nico_selfmodel.servos.ports import PortLostError
 
 _STALE = 0.1
@@ -89,7 +89,8 @@ class ArmController:
         """
         config.servo_map(servos)  # before the port is touched
         settings = settings or BusSettings(latency=config.latency)
-        return cls(open_joint_bus(port, config, settings), config, servos, trust_zero=trust_zero)
+        bus = driver_of(config.make).open(port, config, settings)
+        return cls(bus, config, servos, trust_zero=trust_zero)
 
     def __enter__(self) -> "ArmController":
         return self

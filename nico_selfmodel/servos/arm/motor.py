@@ -4,10 +4,13 @@
 every make. Positions are the motor's own numbers (registers), speeds are counts a second.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol, Self
 
+from nico_selfmodel.servos.arm.servo_config import ServoConfig
+from nico_selfmodel.servos.bus_settings import BusSettings
+from nico_selfmodel.servos.found_motor import Scan
 from nico_selfmodel.servos.link_counts import LinkCounts
 from nico_selfmodel.servos.ports import Port
 
@@ -100,6 +103,21 @@ class Motor(Protocol):
 
 class JointBus(Protocol):
     """The motors of one configuration on their port. Making one sends nothing."""
+
+    @classmethod
+    def open(cls, port: str, config: ServoConfig, settings: BusSettings) -> Self:
+        """Open a port; sends nothing."""
+        ...
+
+    @classmethod
+    def scan(cls, port: str, baud: int | None, last: int) -> Scan:
+        """Find the motors on a port, whatever their configuration; moves and resets nothing."""
+        ...
+
+    @staticmethod
+    def simulated_line() -> Callable[..., Any]:
+        """Return the class of their simulated line: `(motors or how many, faults, plant)`."""
+        ...
 
     @property
     def port(self) -> Port:

@@ -2,14 +2,14 @@
 
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.servos.arm.servo_config import ServoConfig
-from nico_selfmodel.servos.bus_settings import BusSettings
 from nico_selfmodel.servos.dynamixel.motor import (
     LARGEST_POSITION,
     DynamixelMotor,
     signed,
 )
 from nico_selfmodel.servos.dynamixel.sdk import DynamixelSdk
-from nico_selfmodel.servos.ports import SerialPort
+from nico_selfmodel.servos.dynamixel.simulated.line import DynamixelLine
+from nico_selfmodel.servos.makes import DYNAMIXEL
 from nico_selfmodel.servos.register_servo.joint_bus import RegisterJointBus
 from nico_selfmodel.servos.register_servo.register_bus import RegisterBus
 from nico_selfmodel.servos.register_servo.register_motor import RegisterMotor
@@ -32,7 +32,7 @@ MODEL_REGISTER = 0
 class DynamixelJointBus(RegisterJointBus):
     """The servos of a configuration."""
 
-    motor_type = DynamixelMotor
+    make, sdk_type, motor_type = DYNAMIXEL, DynamixelSdk, DynamixelMotor
     model_register, models = MODEL_REGISTER, MODELS
 
     def __init__(self, bus: RegisterBus, config: ServoConfig) -> None:
@@ -47,16 +47,10 @@ class DynamixelJointBus(RegisterJointBus):
             assert isinstance(motor, DynamixelMotor)
             motor.heartbeat = config.heartbeat
 
-    @classmethod
-    def open(cls, port: str, config: ServoConfig, settings: BusSettings) -> "DynamixelJointBus":
-        """Open a port; sends nothing.
-
-        Raises:
-            PortLostError: If the port cannot be opened.
-            BusError: If the package `dynamixel-sdk` is missing.
-        """
-        sdk = DynamixelSdk()
-        return cls(RegisterBus(SerialPort(port, config.baud), sdk, settings), config)
+    @staticmethod
+    def simulated_line() -> type[DynamixelLine]:
+        """Return the class of the simulated line of such servos."""
+        return DynamixelLine
 
     def limits(self, motor: RegisterMotor) -> tuple[int, int]:
         """Return the servo's own limits [register].

@@ -103,12 +103,6 @@ class DynamixelMotor(RegisterMotor):
             for value in (goal.acceleration, goal.velocity, goal.position)
         )
 
-    def units(self, velocity: float, acceleration: float) -> tuple[int, int]:
-        """Return the registers of a speed [counts/s] and an acceleration [counts/s^2]."""
-        make = self.joint.make
-        v, a = velocity / make.velocity_step, acceleration / make.acceleration_step
-        return max(1, round(v)), min(max(1, round(a)), 32767)  # 0 would be no limit at all
-
     def recover(self) -> None:
         """Set the watchdog anew where it has ended: until then the servo takes no goal.
 
@@ -178,9 +172,5 @@ class DynamixelMotor(RegisterMotor):
             BusError: If it does not answer.
         """
         offset = self.homing_offset() + register - self.look().position
-        if abs(offset) > _LARGEST_OFFSET:
-            raise ServoFault(
-                f"servo {self.address} would need a homing offset of {offset} counts, it has at "
-                f"most {_LARGEST_OFFSET}: turn its horn, or give the joint other 'zero_counts'"
-            )
+        self.check_offset(offset, _LARGEST_OFFSET)
         self.bus.write(self.address, HOMING_OFFSET, offset.to_bytes(4, "little", signed=True))

@@ -95,12 +95,6 @@ class FeetechMotor(RegisterMotor):
         position, speed = to_magnitude(goal.position), to_magnitude(goal.velocity)
         return bytes((goal.acceleration,)) + position + b"\x00\x00" + speed
 
-    def units(self, velocity: float, acceleration: float) -> tuple[int, int]:
-        """Return the registers of a speed [counts/s] and an acceleration [counts/s^2]."""
-        make = self.joint.make
-        v, a = velocity / make.velocity_step, acceleration / make.acceleration_step
-        return max(1, round(v)), min(max(1, round(a)), 254)  # 0 would be no limit at all
-
     def was_written(self) -> None:
         """Let the profile go to the goal that has been sent."""
         super().was_written()
@@ -159,10 +153,5 @@ class FeetechMotor(RegisterMotor):
             raise ServoFault(f"servo {self.address} is switched on: release it, then home it")
         # Its position is the encoder's less the offset.
         offset = self.homing_offset() - register + self.look().position
-        largest = (1 << SIGN_OF_OFFSET) - 1
-        if abs(offset) > largest:
-            raise ServoFault(
-                f"servo {self.address} would need a homing offset of {offset} counts, it has at "
-                f"most {largest}: turn its horn, or give the joint other 'zero_counts'"
-            )
+        self.check_offset(offset, (1 << SIGN_OF_OFFSET) - 1)
         self._write_for_good(HOMING_OFFSET, to_magnitude(offset, SIGN_OF_OFFSET))

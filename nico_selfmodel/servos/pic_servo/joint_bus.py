@@ -6,13 +6,16 @@ from dataclasses import replace
 from nico_selfmodel.servos.arm.motor import Motor, Reading
 from nico_selfmodel.servos.arm.servo_config import JointServo, ServoConfig
 from nico_selfmodel.servos.bus_settings import BusSettings
+from nico_selfmodel.servos.found_motor import FoundMotor, Scan
 from nico_selfmodel.servos.link_counts import LinkCounts
+from nico_selfmodel.servos.makes import PIC_SERVO
 from nico_selfmodel.servos.pic_servo.connection import find_modules
 from nico_selfmodel.servos.pic_servo.line.board import PicServo
 from nico_selfmodel.servos.pic_servo.line.bus import Bus
 from nico_selfmodel.servos.pic_servo.line.chain import (
     group_of,
     join_group,
+    scan,
     start_together,
     stop_together,
 )
@@ -23,6 +26,7 @@ from nico_selfmodel.servos.pic_servo.protocol.status import (
     StatusFlag,
     StatusItem,
 )
+from nico_selfmodel.servos.pic_servo.simulated.line import PicServoLine
 
 
 class PicServoMotor:
@@ -215,6 +219,38 @@ class PicServoJointBus:
             PortLostError: If the port cannot be opened.
         """
         return cls(Bus.open(port, config.baud, settings), config)
+
+    @classmethod
+    def scan(cls, port: str, baud: int | None, last: int) -> Scan:
+        """Find the boards on a port, and give addresses to new ones; moves and resets nothing.
+
+        Args:
+            port: Serial port.
+            baud: Rate of the line; the one that boards come up with if None.
+            last: Highest address to look at.
+
+        Raises:
+            PortLostError: If the port cannot be opened.
+            BusError: If two share an address.
+        """
+        with Bus.open(port, baud or PIC_SERVO.bauds[0]) as bus:
+            found = [
+                FoundMotor(
+                    module.address,
+                    str(module.device),
+                    module.status.position or 0,
+                    module.servo_on,
+                    module.zero_known,
+                    module.newly_addressed,
+                )
+                for module in scan(bus, range(1, last + 1))
+            ]
+            return Scan(bus.rate, tuple(found), bus.total())
+
+    @staticmethod
+    def simulated_line() -> type[PicServoLine]:
+        """Return the class of the simulated line of such boards."""
+        return PicServoLine
 
     def find(self) -> None:
         """Find the boards and give addresses to new ones.

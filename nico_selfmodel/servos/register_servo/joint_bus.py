@@ -2,18 +2,28 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from typing import Self
 
 from nico_selfmodel.errors import BusError, ServoFault
 from nico_selfmodel.servos.arm.motor import Motor
 from nico_selfmodel.servos.arm.servo_config import JointServo, ServoConfig
-from nico_selfmodel.servos.bus_settings import NoReplyError
+from nico_selfmodel.servos.bus_settings import BusSettings, NoReplyError
+from nico_selfmodel.servos.found_motor import FoundMotor, Scan
+from nico_selfmodel.servos.makes import Make
+from nico_selfmodel.servos.ports import SerialPort
 from nico_selfmodel.servos.register_servo.register_bus import RegisterBus
 from nico_selfmodel.servos.register_servo.register_motor import RegisterMotor
+from nico_selfmodel.servos.register_servo.sdk import PacketSdk
+
+_ATTEMPTS = 2
+"""How often an id is asked whether a servo has it."""
 
 
 class RegisterJointBus:
     """The servos of a configuration. Making one sends nothing."""
 
+    make: Make
+    sdk_type: type[PacketSdk]
     motor_type: type[RegisterMotor]
     model_register: int
     models: Mapping[int, str]
@@ -28,6 +38,61 @@ class RegisterJointBus:
         """
         self.bus, self.config, self.port = bus, config, bus.port
         self.motors = [self.motor_type(joint, bus) for joint in config.joints]
+
+    @classmethod
+    def open(cls, port: str, config: ServoConfig, settings: BusSettings) -> Self:
+        """Open a port; sends nothing.
+
+        Raises:
+            PortLostError: If the port cannot be opened.
+            BusError: If the package that speaks to these servos is missing.
+        """
+        sdk = cls.sdk_type()
+        return cls(RegisterBus(SerialPort(port, config.baud), sdk, settings), config)
+
+    @classmethod
+    def scan(cls, port: str, baud: int | None, last: int) -> Scan:
+        """Return the servos that answer at the first rate at which any does; changes nothing.
+
+        Args:
+            port: Serial port.
+            baud: Rate of the line; every rate of the make if None.
+            last: Highest id to look at.
+
+        Raises:
+            PortLostError: If the port cannot be opened.
+            BusError: If two servos have one id, or the package that speaks to them is missing.
+        """
+        rates = cls.make.bauds if baud is None else (baud,)
+        sdk = cls.sdk_type()
+        bus = RegisterBus(SerialPort(port, rates[0]), sdk)
+        first, highest = cls.make.addresses
+        ids = range(first, min(last, highest) + 1)
+        try:
+            for rate in rates:
+                if bus.port.rate != rate:
+                    bus.port.set_rate(rate)
+                found = [servo for n in ids if (servo := cls._servo(bus, n)) is not None]
+                if found:
+                    return Scan(rate, tuple(found), bus.total())
+            return Scan(bus.port.rate, (), bus.total())
+        finally:
+            bus.close()
+
+    @classmethod
+    def _servo(cls, bus: RegisterBus, address: int) -> FoundMotor | None:
+        """Return the servo at an id, None where none answers."""
+        motor = cls.motor_type
+        try:
+            bus.read(address, cls.model_register, 2, attempts=_ATTEMPTS)
+        except NoReplyError:
+            if not bus.counts[address].damaged:
+                return None
+        model = model_of(bus, address, cls.model_register, motor.block)
+        position = bus.read(address, *motor.position).data
+        on = bus.read(address, motor.torque_register, 1).data[0]
+        name = cls.models.get(model, f"model {model}")
+        return FoundMotor(address, name, motor.number(position), bool(on), True, False)
 
     def find(self) -> None:
         """See that every servo is there and is what it should be; moves and resets nothing.

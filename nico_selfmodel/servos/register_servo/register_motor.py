@@ -8,7 +8,7 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 
-from nico_selfmodel.errors import BusError
+from nico_selfmodel.errors import BusError, ServoFault
 from nico_selfmodel.servos.arm.motor import Reading
 from nico_selfmodel.servos.arm.servo_config import JointServo
 from nico_selfmodel.servos.link_counts import LinkCounts
@@ -105,9 +105,12 @@ class RegisterMotor(ABC):
     def encode(self, goal: Goal) -> bytes:
         """Return the bytes from `goal_register` on."""
 
-    @abstractmethod
     def units(self, velocity: float, acceleration: float) -> tuple[int, int]:
         """Return the registers of a speed [counts/s] and an acceleration [counts/s^2]."""
+        make = self.joint.make
+        v, a = velocity / make.velocity_step, acceleration / make.acceleration_step
+        largest = round(make.largest_acceleration / make.acceleration_step)
+        return max(1, round(v)), min(max(1, round(a)), largest)  # 0 would be no limit at all
 
     @abstractmethod
     def prepare(self) -> None:
@@ -338,3 +341,15 @@ class RegisterMotor(ABC):
             ServoFault: If it is switched on, or its offset does not reach that far.
             BusError: If it does not answer.
         """
+
+    def check_offset(self, offset: int, largest: int) -> None:
+        """Refuse a homing offset [counts] that the servo cannot hold.
+
+        Raises:
+            ServoFault: If it does not reach that far.
+        """
+        if abs(offset) > largest:
+            raise ServoFault(
+                f"servo {self.address} would need a homing offset of {offset} counts, it has at "
+                f"most {largest}: turn its horn, or give the joint other 'zero_counts'"
+            )

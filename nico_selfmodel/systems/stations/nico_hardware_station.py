@@ -16,7 +16,7 @@ from nico_selfmodel.systems.hardware.motion_capture_link import MotionCaptureRec
 from nico_selfmodel.systems.hardware.motion_capture_stream import MotionCaptureClient
 from nico_selfmodel.systems.hardware.servo_driver import ServoDriver
 from nico_selfmodel.systems.image_values import image_value
-from nico_selfmodel.systems.looking import POINTS
+from nico_selfmodel.systems.looking import MARKER_FRAMES
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.stations.nico_detectors import default_detectors
 from nico_selfmodel.systems.stations.station_body import SettleTimeouts, StationBody
@@ -81,7 +81,7 @@ class NicoHardwareStation(Diagram):
         chosen = [servos.joints.index(name) for name in names]
         infos = servos.config.joint_infos
         self.joints: tuple[JointInfo, ...] = tuple(infos[k] for k in chosen)
-        self.markers = tuple(POINTS) if motion_capture is None else motion_capture.markers
+        self.markers = tuple(MARKER_FRAMES) if motion_capture is None else motion_capture.markers
         builder = DiagramBuilder()
         builder.AddNamedSystem("servos", servos)
         _add_arm(builder, servos, chosen)

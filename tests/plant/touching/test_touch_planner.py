@@ -17,7 +17,7 @@ from nico_selfmodel.plant.touching.touch_planner import (
     Touch,
     TouchPlanner,
 )
-from nico_selfmodel.systems.looking import FINGER, POINTS, looking
+from nico_selfmodel.systems.looking import FINGER, MARKER_FRAMES, looking
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
@@ -32,7 +32,7 @@ def arm_of_six():
     """Nico's right arm with all of its joints."""
     free = ("right_forearm_twist", "right_wrist")
     held = {name: angle for name, angle in looking().items() if name not in free}
-    points = {"fiducial": POINTS["fiducial"]}
+    points = {"fiducial": MARKER_FRAMES["fiducial"]}
     return ArmDescription.from_urdf("nico", "chest", "right_hand", held, points)
 
 

@@ -6,15 +6,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.dataset.columns import APPROACH, ENCODER
+from nico_selfmodel.dataset.csv_table import CsvTable
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.csv_cells import quoted_cell
-from nico_selfmodel.files.csv_rows import parse_number, rows_of_text
+from nico_selfmodel.files.csv_rows import parse_number
 from nico_selfmodel.names import listed, shown
 
 _FAR = 0.25
 """Share of the trained range that a reading may lie beyond it."""
-
-_SIDES = {"": 0.0, "-1": -1.0, "0": 0.0, "1": 1.0, "+1": 1.0}
 
 
 def readings_from_words(words: list[str], joints: tuple[str, ...]) -> NDArray:
@@ -33,49 +33,33 @@ def readings_from_words(words: list[str], joints: tuple[str, ...]) -> NDArray:
     return np.array([_pose(word.split(","), joints, f"pose {shown(word)}") for word in words])
 
 
-def readings_from_table(text: str, joints: tuple[str, ...], where: str = "the table") -> NDArray:
-    """Read poses from CSV text with a column per joint, named `<joint>` or `encoder.<joint>`.
+def readings_from_table(table: CsvTable, joints: tuple[str, ...]) -> NDArray:
+    """Return the poses of a table with a column per joint, named `encoder.<joint>` or `<joint>`.
 
     Args:
-        text: The table, header first; other columns are ignored.
+        table: The table; other columns are ignored.
         joints: Names of the joints.
-        where: Place for messages.
 
     Returns:
         Readings. Shape (N, n).
 
     Raises:
-        DataError: If a column is missing, a cell is no finite number, or there is no row.
+        DataError: If a column is missing, or a cell is no finite number.
     """
-    rows, lines = rows_of_text(text, where)
-    header = [name.strip() for name in rows[0]] if rows else []
     columns = []
     for joint in joints:
-        found = [name for name in (f"encoder.{joint}", joint) if name in header]
-        if not found:
-            raise DataError(
-                f"{where} has no column {joint!r} or 'encoder.{joint}'; it has "
-                f"{listed(header, joint) or 'no header'}"
-            )
-        if header.count(found[0]) > 1:
-            raise DataError(f"{where} has column {found[0]!r} more than once")
-        columns.append(header.index(found[0]))
-    if len(rows) < 2:
-        raise DataError(f"{where} has no row below its header")
-    poses = []
-    for row, line in zip(rows[1:], lines[1:], strict=True):
-        cells = [row[column] if column < len(row) else "" for column in columns]
-        poses.append(_pose(cells, joints, f"{where}, line {line}"))
-    return np.array(poses)
+        names = (f"{ENCODER}.{joint}", joint)
+        found = next((name for name in names if name in table.columns), names[0])
+        columns.append(table.numbers(found))
+    return np.column_stack(columns)
 
 
-def approach_from_table(text: str, joints: tuple[str, ...], where: str = "the table") -> NDArray:
-    """Read from which sides joints came, columns `approach.<joint>` of -1, 0 or 1.
+def approach_from_table(table: CsvTable, joints: tuple[str, ...]) -> NDArray:
+    """Return from which sides joints came, columns `approach.<joint>` of -1, 0 or 1.
 
     Args:
-        text: The table, header first.
+        table: The table.
         joints: Names of the joints; one without a column came from an unknown side.
-        where: Place for messages.
 
     Returns:
         0 where it is not known. Shape (N, n).
@@ -83,20 +67,7 @@ def approach_from_table(text: str, joints: tuple[str, ...], where: str = "the ta
     Raises:
         DataError: If a cell is another number.
     """
-    rows, lines = rows_of_text(text, where)
-    header = [name.strip() for name in rows[0]]
-    found = np.zeros((len(rows) - 1, len(joints)))
-    for i, joint in enumerate(joints):
-        name = f"approach.{joint}"
-        if name not in header:
-            continue
-        column = header.index(name)
-        for k, (row, line) in enumerate(zip(rows[1:], lines[1:], strict=True)):
-            cell = row[column].strip() if column < len(row) else ""
-            if cell not in _SIDES:
-                raise DataError(f"{where}, line {line}: {name} is {shown(cell)}, not -1, 0 or 1")
-            found[k, i] = _SIDES[cell]
-    return found
+    return np.column_stack([table.sides(f"{APPROACH}.{joint}") for joint in joints])
 
 
 def readings_table(readings: NDArray, joints: tuple[str, ...]) -> str:
@@ -109,7 +80,7 @@ def readings_table(readings: NDArray, joints: tuple[str, ...]) -> str:
     Returns:
         The table, with a column `encoder.<joint>` for each joint.
     """
-    header = ",".join(quoted_cell(f"encoder.{joint}") for joint in joints)
+    header = ",".join(quoted_cell(f"{ENCODER}.{joint}") for joint in joints)
     rows = [",".join(repr(value) for value in row) for row in readings.tolist()]
     return "\n".join([header, *rows]) + "\n"
 
