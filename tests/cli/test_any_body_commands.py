@@ -110,15 +110,19 @@ def test_a_recording_on_disk_is_the_recording(folder, tmp_path):
     assert np.array_equal(again.observations.pose, data.observations.pose)
 
 
-def test_hand_eye_of_a_real_arm_is_known_to_half_a_millimetre(folder, command):
+def test_hand_eye_of_a_real_arm_is_where_its_joints_say_as_surely_as_it_says(folder, command):
     done = command(
         "calibrate", "hand-eye", folder / "flange", "--test-fraction", "0.3", "--out", folder / "he"
     )
     assert done.returncode == 0, done.stderr
     known = json.loads((folder / "he" / "result.json").read_text())["parameters"]
     place = [1e3 * known[f"camera.{axis}"]["value"] for axis in "xyz"]
-    assert place == pytest.approx([57.4, -72.5, 44.7], abs=1.2)
-    assert all(0.3 < 1e3 * known[f"camera.{axis}"]["sigma"] < 0.8 for axis in "xyz")
+    sigma = [1e3 * known[f"camera.{axis}"]["sigma"] for axis in "xyz"]
+    # From the same poses with the joints' readings: links off by 0.2 deg and 0.5 mm (one standard
+    # deviation), zeros included, leave 1.5 mm where the controller's own poses leave 4.7.
+    by_joints, its_sigma = np.array([59.0, -74.3, 39.7]), np.array([0.4, 0.3, 0.9])
+    assert (np.abs(place - by_joints) < 3.0 * np.hypot(sigma, its_sigma)).all()
+    assert max(sigma) < 2.0
 
 
 def test_the_commands_of_the_document_are_those_that_are_tested(project_root):
