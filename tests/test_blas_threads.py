@@ -12,7 +12,9 @@ from nico_selfmodel.blas_threads import on_one_blas_thread
 
 
 def threads():
-    return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+    """Threads of numpy's BLAS; another library's, loaded since, is none that estimates."""
+    blas = [one for one in threadpool_info() if one["user_api"] == "blas"]
+    return {one["num_threads"] for one in blas if "numpy" in one["filepath"]}
 
 
 @on_one_blas_thread
