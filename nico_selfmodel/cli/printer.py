@@ -268,5 +268,4 @@ def _outliers(document: Mapping[str, Any]) -> None:
         boards = (" and ".join(names[view] for names in files) for view in outliers)
         line(f"boards set aside as outliers: {'; '.join(boards)}")
     else:
-        poses = "training pose" if len(outliers) == 1 else "training poses"
-        line(f"{len(outliers)} {poses} set aside as outliers (listed in result.json)")
+        line(f"training poses set aside as outliers: {len(outliers)} (listed in result.json)")

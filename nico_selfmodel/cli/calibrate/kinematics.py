@@ -20,11 +20,11 @@ def kinematics(
     processes: options.Processes = 1,
     dask: options.Dask = None,
 ) -> None:
-    """Learn an arm from encoder readings and measured points of the hand.
+    """Learn an arm from encoder readings and points of the hand.
 
-    With --cameras it learns from the hand's pixels, in the left camera's frame. Of several data
-    sets, or of folders that hold some, it makes one folder with a result for each and one table; a
-    robot a folder is many robots at once.
+    The points are those that motion capture measured. With --cameras it learns from the hand's
+    pixels, in the left camera's frame. Of several data sets, or of folders that hold some, it makes
+    one folder with a result for each and one table; a robot a folder is many robots at once.
     """
     from nico_selfmodel.files.whole import refuse_folder
 

@@ -60,7 +60,11 @@ def learn(
         ),
     ] = False,
 ) -> None:
-    """Let a simulated robot watch its hand move; it learns cameras, arm, then both together."""
+    """Let a simulated robot learn its body by watching its hand.
+
+    It looks at a chessboard, moves every joint before its cameras, and learns the cameras, the arm,
+    and then both together.
+    """
     from nico_selfmodel.files.whole import refuse_folder
 
     refuse_folder(output.out, force=output.force)
