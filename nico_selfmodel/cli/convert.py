@@ -21,7 +21,8 @@ def convert(
     from nico_selfmodel.model.self_model_file import load_model
 
     refuse_existing(out, force=force)
-    lenses = {} if cameras is None else load_model(cameras).cameras
+    rig = None if cameras is None else load_model(cameras).rig
+    lenses = None if rig is None else {"left": rig.left, "right": rig.right}
     data = body_dataset_of(load_dataset(dataset), lenses)
     save_body_dataset(data, out, force=force)
     printer.body_dataset(data, out)

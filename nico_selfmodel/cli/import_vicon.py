@@ -30,6 +30,8 @@ def from_vicon(
     from nico_selfmodel.files.whole import refuse_existing
 
     refuse_existing(out, force=force)
+    if encoder_unit == "counts" and counts_per_turn is None:
+        raise ValueError("--encoder-unit counts, the default, needs --counts-per-turn")
     name = name or inputs.name_after(out)
     data = import_vicon(
         trajectories,

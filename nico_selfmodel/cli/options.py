@@ -197,7 +197,11 @@ Board = Annotated[str, _BOARD]
 BoardOrNone = Annotated[str | None, _BOARD]
 SquareMm = Annotated[
     float,
-    typer.Option("--square-mm", help="Side of a square; of tags and circles, their distance."),
+    typer.Option(
+        "--square-mm",
+        help="Side of a square; of tags and circles, their distance.",
+        callback=_positive,
+    ),
 ]
 TagMm = Annotated[
     float | None,

@@ -209,11 +209,14 @@ def verdict(document: Mapping[str, Any]) -> None:
 
 def folder(made: Path) -> None:
     """Say what lies in a folder that was made, and how to look at it."""
+    inside = sorted(made.iterdir())
     line(f"\nresult   {made}/")
-    for path in sorted(made.iterdir()):
+    for path in inside:
         line(f"         {path.name}")
-    if (made / "report.html").exists():
-        line(f"look     open {made / 'report.html'}, or: nico-selfmodel view {made}")
+    reports = [str(path) for path in (made / "report.html", *made.glob("*/report.html"))
+               if path.exists()]  # fmt: skip
+    if reports:
+        line(f"look     open {' and '.join(reports)}, or: nico-selfmodel view {made}")
 
 
 def result(

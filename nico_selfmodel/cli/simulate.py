@@ -22,7 +22,8 @@ def motion_capture(
         int, typer.Option("--circle-points", min=0, help="Poses on each circle; 0 for none.")
     ] = 26,
     arc_share: Annotated[
-        float, typer.Option("--arc-share", min=0.01, help="Share of the visible arcs swept.")
+        float,
+        typer.Option("--arc-share", min=0.01, max=1.0, help="Share of the visible arcs swept."),
     ] = 1.0,
     random_poses: options.RandomPoses = 100,
     joint_noise_deg: options.JointNoise = None,

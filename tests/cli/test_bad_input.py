@@ -229,7 +229,7 @@ def test_force_never_deletes_the_data_it_reads_or_a_folder_of_something_else(
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        (("--effects", "sagg"), "--effects: no effect 'sagg', did you mean 'sag'?"),
+        (("--effects", "sagg"), "no effect 'sagg', did you mean 'sag'? There are"),
         (("--up", "0,0,0"), "--up must be a direction as three numbers"),
         (("--up", "0,1"), "--up must be a direction as three numbers"),
         (("--up", "0,x,1"), "--up: 'x' is not a number"),

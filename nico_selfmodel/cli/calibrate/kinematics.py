@@ -6,6 +6,7 @@ from nico_selfmodel.cli import inputs, options, printer
 from nico_selfmodel.cli import option_groups as groups
 from nico_selfmodel.cli.calibrate.arm_task import ArmTask, Search
 from nico_selfmodel.cli.result_files import command_line
+from nico_selfmodel.files.whole import RESULT_FILE
 
 
 def kinematics(
@@ -58,6 +59,6 @@ def kinematics(
 
 def _holds_data_sets(folder: Path) -> bool:
     """Whether a folder is no data set, but has some in it."""
-    if (folder / "dataset.yaml").exists() or (folder / "samples.csv").exists():
+    if any((folder / name).exists() for name in ("dataset.yaml", "samples.csv", RESULT_FILE)):
         return False
     return next(folder.rglob("samples.csv"), None) is not None

@@ -10,6 +10,7 @@ import typer
 from nico_selfmodel.cli import inputs, options, printer
 from nico_selfmodel.cli import option_groups as groups
 from nico_selfmodel.cli.result_files import judged_document, write_with_report
+from nico_selfmodel.names import refuse_unknown
 
 if TYPE_CHECKING:
     from nico_selfmodel.plant import ArmDescription
@@ -111,8 +112,7 @@ def _chosen_sensor(sensor: str | None, elsewhere: bool) -> str:
     """Return who watches; refuse cameras that another robot or arm does not have."""
     if sensor is None:
         return "motion-capture" if elsewhere else _cameras_or_else()
-    if sensor not in SENSORS:
-        raise ValueError(f"no sensor {sensor!r}; there are {', '.join(SENSORS)}")
+    refuse_unknown("sensor", sensor, SENSORS)
     if elsewhere and sensor != "motion-capture":
         raise ValueError(
             f"--sensor {sensor} is for Nico's own right arm: leave out the options that choose "
