@@ -2,7 +2,7 @@
 
 import difflib
 import reprlib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 LONGEST_NAME = 200
 """Characters that a name may have."""
@@ -58,6 +58,30 @@ def listed(names: Iterable[object], close_to: str | None = None, most: int = _MO
         close = difflib.get_close_matches(close_to, texts, most, 0.4)
         texts = list(dict.fromkeys([*close, *texts]))
     return f"{', '.join(texts[:most])}, ... and {len(texts) - most} more"
+
+
+def called(kind: str, name: str) -> str:
+    """Return a name with what it is the name of, said once: `joint elbow`, `joint_1`."""
+    return name if name.startswith(kind) else f"{kind} {name}"
+
+
+def refuse_unknown(what: str, name: str, known: Collection[str]) -> None:
+    """Refuse a name that does not exist, with those that do.
+
+    Args:
+        what: What it is the name of, such as `joint`.
+        name: What was written.
+        known: All that exist.
+
+    Raises:
+        ValueError: If it is not among them: `no joint 'elbw', did you mean 'elbow'? There are ...`.
+    """
+    if name not in known:
+        hint = did_you_mean(name, known)
+        there = "? There" if hint else "; there"
+        raise ValueError(
+            f"no {what} {name!r}{hint.rstrip('?')}{there} are {listed(known, name) or 'none'}"
+        )
 
 
 def did_you_mean(name: str, known: Iterable[str], likeness: float = 0.6) -> str:

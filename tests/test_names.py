@@ -1,5 +1,6 @@
 """Names are refused where a terminal would obey them, and listed so that a person reads them."""
 
+import re
 import time
 
 import numpy as np
@@ -14,7 +15,15 @@ from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.names import LONGEST_NAME, check_name, did_you_mean, listed, shown
+from nico_selfmodel.names import (
+    LONGEST_NAME,
+    called,
+    check_name,
+    did_you_mean,
+    listed,
+    refuse_unknown,
+    shown,
+)
 
 OBEYED = ["\x1b[31mred", "a\nb", "a\rb", "\x00", "a\u202eb", "\x9b1m", "a\u2028b", "\ud800"]
 
@@ -101,7 +110,7 @@ def test_a_refusal_does_not_list_seventy_names():
     names = [f"joint_{i}.{part}" for i in range(7) for part in ("D", "r", "alpha", "beta", "gear")]
     with pytest.raises(ValueError, match=r"did you mean 'joint_5\.gear'") as caught:
         by_full_name({"joint_5.gaer": 0.0}, tuple(names))
-    assert "... and 27 more" in str(caught.value)
+    assert "... and 32 more" in str(caught.value)
     assert len(str(caught.value)) < 300
 
 
@@ -111,3 +120,22 @@ def test_a_long_value_is_shown_short_and_guessed_at_quickly():
     began = time.perf_counter()
     assert did_you_mean("x" * 10**6, ["a" * 10**6, "b"]) == ""
     assert time.perf_counter() - began < 0.5
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("elbw", "no joint 'elbw', did you mean 'elbow'? There are elbow, wrist"),
+        ("nose", "no joint 'nose'; there are elbow, wrist"),
+    ],
+)
+def test_an_unknown_name_is_refused_with_those_that_exist(name, words):
+    refuse_unknown("joint", "wrist", ("elbow", "wrist"))
+    with pytest.raises(ValueError, match=f"^{re.escape(words)}$"):
+        refuse_unknown("joint", name, ("elbow", "wrist"))
+    with pytest.raises(ValueError, match="there are none"):
+        refuse_unknown("joint", name, ())
+
+
+def test_a_name_that_says_what_it_is_says_it_once():
+    assert (called("joint", "elbow"), called("joint", "joint_1")) == ("joint elbow", "joint_1")

@@ -2,6 +2,7 @@
 
 import io
 import logging
+import re
 import sys
 import warnings
 from collections.abc import Sequence
@@ -12,7 +13,7 @@ import typer
 
 from nico_selfmodel import __version__
 from nico_selfmodel.cli import interruption, printer
-from nico_selfmodel.cli.commands import Commands, commands_named
+from nico_selfmodel.cli.commands import ORDER, Commands, commands_named
 from nico_selfmodel.cli.habits import add_habits
 from nico_selfmodel.cli.option_groups import unfolded
 from nico_selfmodel.errors import SelfModelError
@@ -76,7 +77,8 @@ def _tree(*words: str) -> Any:
     app.callback(help="A robot learns its own body by watching it move.")(_root)
     for name, (text, below) in groups.items():
         app.add_typer(_group(text, below), name=name)
-    command = typer.main.get_command(app)
+    command: Any = typer.main.get_command(app)
+    command.commands = {name: command.commands[name] for name in ORDER if name in command.commands}
     add_habits(command)
     return command
 
@@ -148,15 +150,27 @@ def _usage(error: Exception) -> int:
         return 2
     context = getattr(error, "ctx", None)
     path = context.command_path if context else "nico-selfmodel"
-    message = " ".join(str(format_message()).split())
+    message = _in_plain_words(" ".join(str(format_message()).split()))
     given = _given(getattr(getattr(error, "param", None), "opts", ()))
-    if message.startswith("Invalid value") and given is not None and given not in message:
+    if message.startswith("Invalid value") and given is not None and repr(given) not in message:
         message += f", got {given!r}"
     message += "" if message.endswith((".", "?", "!")) else "."
     commands = getattr(context and context.command, "commands", None)
     if commands and message.startswith("No such command") and "Did you mean" not in message:
         message += f" There are {', '.join(commands)}."
     return _complain(f"{message} See: {path} --help")
+
+
+def _in_plain_words(message: str) -> str:
+    """Return a message without the language of the library that reads numbers for Typer."""
+    message = re.sub(
+        r"Input should be a valid integer(, .*as an integer)?", "expected a whole number", message
+    )
+    message = re.sub(
+        r"Input should be a valid number(, .*as a number)?", "expected a number", message
+    )
+    message = message.replace("Input should be greater than or equal to", "expected at least")
+    return message.replace("Input should be less than or equal to", "expected at most")
 
 
 def _given(options: Sequence[str]) -> str | None:

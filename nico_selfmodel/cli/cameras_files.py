@@ -16,7 +16,10 @@ def export_cameras(
     ] = "opencv",
     force: options.Force = False,
 ) -> None:
-    """Write the cameras for other programs; ROS and mrcal have a file a camera."""
+    """Write cameras for OpenCV, ROS, Kalibr or mrcal.
+
+    ROS and mrcal have a file for each camera.
+    """
     from nico_selfmodel.files.whole import folder_written_whole, refuse_folder
     from nico_selfmodel.model.camera_formats.formats import camera_texts
     from nico_selfmodel.model.self_model_file import load_model
@@ -36,7 +39,7 @@ def import_cameras(
     out: options.Out,
     force: options.Force = False,
 ) -> None:
-    """Make a self-model of cameras that OpenCV, ROS, Kalibr or mrcal calibrated."""
+    """Import cameras that OpenCV, ROS, Kalibr or mrcal calibrated."""
     from nico_selfmodel.files.whole import folder_written_whole, refuse_folder
     from nico_selfmodel.model.camera_formats.formats import read_cameras
     from nico_selfmodel.model.self_model import SelfModel

@@ -23,10 +23,10 @@ def choose_poses(
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Choose the poses that would tell a learned arm or body most beyond what it was learned from.
+    """Choose new poses that would tell most about an arm or body.
 
-    They lie between the readings that were recorded, and in view of learned cameras. See that
-    nothing is in the way before moving there.
+    Beyond what it was learned from, that is. They lie between the readings that were recorded, and
+    in view of learned cameras. See that nothing is in the way before moving there.
     """
     import numpy as np
 

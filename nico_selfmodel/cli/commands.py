@@ -144,10 +144,7 @@ def _hand() -> Commands:
 
 _GROUPS: dict[str, tuple[str, Callable[[], Commands]]] = {
     "simulate": ("Record data of a simulated body.", _simulate),
-    "import": (
-        "Make a data set, a servo configuration or cameras of files made elsewhere.",
-        _import,
-    ),
+    "import": ("Import data, cameras or servos from files made elsewhere.", _import),
     "export": ("Write what was learned for other programs.", _export),
     "calibrate": ("Learn a self-model from recorded data.", _calibrate),
     "experiment": ("Run an experiment of the thesis.", _experiment),
@@ -155,6 +152,15 @@ _GROUPS: dict[str, tuple[str, Callable[[], Commands]]] = {
     "servo": ("Drive the real servos.", _servo),
     "hand": ("Open and close the hand.", _hand),
 }
+
+
+ORDER = (
+    *("learn", "record", "simulate", "import", "convert", "choose-poses"),
+    *("calibrate", "evaluate", "monitor", "rezero"),
+    *("predict", "gaze", "locate", "look", "view", "live", "export-urdf", "export"),
+    *("detect", "pick-color", "markers", "servo", "hand", "experiment"),
+)
+"""How help lists them: data, what learns from them, what uses that, tools."""
 
 
 def commands_named(words: Sequence[str]) -> tuple[Commands, dict[str, tuple[str, Commands]]]:

@@ -9,10 +9,10 @@ def convert(
     cameras: options.Cameras = None,
     force: options.Force = False,
 ) -> None:
-    """Write a data set of one arm as poses and observations, the form of `calibrate body`.
+    """Write a data set of one arm in the form of `calibrate body`.
 
-    Joints, markers and sensors can then be added to `dataset.yaml`. What was seen in a mirror stays
-    behind.
+    That is a recording of poses and observations. Joints, markers and sensors can then be added to
+    `dataset.yaml`. What was seen in a mirror stays behind.
     """
     from nico_selfmodel.dataset.body.body_folder import save_body_dataset
     from nico_selfmodel.dataset.body.conversion import body_dataset_of
@@ -21,7 +21,8 @@ def convert(
     from nico_selfmodel.model.self_model_file import load_model
 
     refuse_existing(out, force=force)
-    lenses = {} if cameras is None else load_model(cameras).cameras
+    rig = None if cameras is None else load_model(cameras).rig
+    lenses = None if rig is None else {"left": rig.left, "right": rig.right}
     data = body_dataset_of(load_dataset(dataset), lenses)
     save_body_dataset(data, out, force=force)
     printer.body_dataset(data, out)

@@ -26,9 +26,9 @@ def detect(
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Find markers, a colour or a board; write a table and annotated images.
+    """Find markers, a colour or a board in photographs.
 
-    Ends with 1 if nothing was seen in any image.
+    Writes a table and annotated images. Ends with 1 if nothing was seen in any image.
     """
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.vision.detections import images_of, write_detections

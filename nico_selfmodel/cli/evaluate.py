@@ -20,7 +20,10 @@ def evaluate(
     sensor: options.DataSensor = "auto",
     as_json: options.AsJson = False,
 ) -> None:
-    """Print the error of a self-model's predictions on a data set, beside that of its training."""
+    """Print how far predictions are off on a data set.
+
+    The error of the training stands beside it. Ends with 1 where the data contradict the model.
+    """
     from nico_selfmodel.dataset.folder import load_dataset
     from nico_selfmodel.estimation.noise.hand_observations import by_pixels
     from nico_selfmodel.model.self_model_file import load_model

@@ -4,10 +4,11 @@ from nico_selfmodel.cli import options, printer
 
 
 def export_urdf(model: options.Model, out: options.OutFile, force: options.Force = False) -> None:
-    """Write the learned geometry as a URDF; the robot's own, calibrated, where it is known.
+    """Write the learned geometry as a URDF.
 
-    Links whose shape was learned (`body/` beside the self-model) get it as a mesh in a folder
-    beside the URDF, and collide as capsules that were fitted to it.
+    It is the robot's own URDF, calibrated, where it is known. Links whose shape was learned
+    (`body/` beside the self-model) get it as a mesh in a folder beside the URDF, and collide as
+    capsules that were fitted to it.
     """
     from nico_selfmodel.files.whole import folder_in_place_of, refuse_existing, write_whole
     from nico_selfmodel.model.self_model_file import load_model

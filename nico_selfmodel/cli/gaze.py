@@ -37,9 +37,10 @@ def gaze(
     ] = None,
     as_json: options.AsJson = False,
 ) -> None:
-    """Turn the head so that a point, or a marker on the own hand, comes to the images' middle.
+    """Say where to turn the head to look at a point or at a hand.
 
-    Told where its cameras see the point now (`--seen`), the head turns to where it is seen.
+    Then it is in the images' middle. Told where its cameras see the point now (`--seen`), the head
+    turns to where it is seen.
     """
     import numpy as np
 

@@ -17,9 +17,7 @@ def add_habits(command: Any) -> None:
         command: The root of the tree of commands; its types have no public name.
     """
     for leaf in _leaves(command):
-        own = [p for p in _habits().params if p.name != "help"]
-        leaf.params[-1:-1] = own if leaf.params else []
-        leaf.params += [] if leaf.params else own
+        leaf.params += [p for p in _habits().params if p.name != "help"]
 
 
 def _leaves(command: Any) -> Iterator[Any]:
@@ -96,7 +94,7 @@ def _declared(
         typer.Option(
             "--options",
             metavar="FILE",
-            help="YAML with options, as `test-fraction: 0.3`; those given here win.",
+            help="YAML of options, such as `test-fraction: 0.3`; the command line wins.",
             callback=_take_options,
             is_eager=True,
         ),

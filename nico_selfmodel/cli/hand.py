@@ -27,7 +27,10 @@ def open_hand(
     yes: options.Yes = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Open the hand: run the motors for a time, or until the current is cut off."""
+    """Open the hand.
+
+    Runs the motors for a time, or until the current is cut off.
+    """
     _move("open", port, finger, seconds, power, current_limit, yes=yes, as_json=as_json)
 
 
@@ -40,7 +43,10 @@ def close_hand(
     yes: options.Yes = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Close the hand: run the motors for a time, or until the current is cut off."""
+    """Close the hand.
+
+    Runs the motors for a time, or until the current is cut off.
+    """
     _move("close", port, finger, seconds, power, current_limit, yes=yes, as_json=as_json)
 
 

@@ -24,12 +24,14 @@ def from_vicon(
     name: options.DatasetName = None,
     force: options.Force = False,
 ) -> None:
-    """Import a Vicon Nexus trajectory export with encoder readings beside it."""
+    """Import a trajectory export of Vicon Nexus, with encoder readings."""
     from nico_selfmodel.dataset.folder import save_dataset
     from nico_selfmodel.dataset.importers.vicon_importer import import_vicon
     from nico_selfmodel.files.whole import refuse_existing
 
     refuse_existing(out, force=force)
+    if encoder_unit == "counts" and counts_per_turn is None:
+        raise ValueError("--encoder-unit counts, the default, needs --counts-per-turn")
     name = name or inputs.name_after(out)
     data = import_vicon(
         trajectories,

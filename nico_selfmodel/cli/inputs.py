@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Protocol, Self, TypeVar
 
 from nico_selfmodel.cli.option_groups import Bounds, Chain, HeldOut
 from nico_selfmodel.files.reading import real_path
-from nico_selfmodel.names import LONGEST_NAME, check_name, listed
+from nico_selfmodel.names import LONGEST_NAME, check_name, listed, refuse_unknown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -145,9 +145,10 @@ def arms_named(arms: str | None) -> tuple[str, ...]:
     Raises:
         ValueError: If there are no such arms.
     """
-    if arms is not None and arms not in _ARMS:
-        raise ValueError(f"--arms must be one of {', '.join(_ARMS)}, got {arms!r}")
-    return () if arms is None else _ARMS[arms]
+    if arms is None:
+        return ()
+    refuse_unknown("--arms", arms, _ARMS)
+    return _ARMS[arms]
 
 
 def cameras_of(path: Path | None, what: str) -> "StereoRig | None":

@@ -22,7 +22,9 @@ def live(
     imperfections: options.Imperfections = "thesis",
     seed: Annotated[
         int | None,
-        typer.Option("--seed", min=0, help="Which robot instance; by default the one learned."),
+        typer.Option(
+            "--seed", min=0, help="Random seed: which simulated robot; the one learned by default."
+        ),
     ] = None,
     seconds: options.Seconds = None,
     out: options.OutPage = None,
@@ -37,10 +39,11 @@ def live(
     count: options.Count = 12,
     force: options.Force = False,
 ) -> None:
-    """Move a simulated Nico by sliders; see what it sees, and where it expects its hand.
+    """Move a simulated Nico by sliders, live in Meshcat.
 
-    With --out it goes through random poses instead, onto a page. A whole body (body.yaml, of `learn
-    --head`) looks about a room and at its hands.
+    It shows what the robot sees, and where it expects its hand. With --out it goes through random
+    poses instead, onto a page. A whole body (body.yaml, of `learn --head`) looks about a room and
+    at its hands.
     """
     from nico_selfmodel.files.whole import refuse_existing, write_whole
     from nico_selfmodel.model.tree.body_model import is_body

@@ -21,9 +21,9 @@ def locate(
     pixel_sigma: options.PixelSigma = None,
     as_json: options.AsJson = False,
 ) -> None:
-    """Say where things are that are seen in a mirror: x, y, z [m] and how surely [mm].
+    """Say where things are that are seen in a mirror: x, y, z [m].
 
-    The noise of a pixel is the model's, where none is given.
+    With a sigma [mm]. The noise of a pixel is the model's, where none is given.
     """
     from nico_selfmodel.errors import ModelError
     from nico_selfmodel.model.cameras.mirror_location import locate_in_mirror

@@ -20,12 +20,12 @@ def look(
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Hold pictures of the body in mirrors against what it should look like there.
+    """Find what surprises in pictures of the body in mirrors.
 
-    The model knows arm, cameras, mirrors and its robot's description, the recording says where the
-    arm was and which mirror stood there. Writes, for each pose, what both cameras saw, what was
-    expected and what differs, and a table of the places that surprise. The moving arm is not
-    judged.
+    They are held against what was expected. The model knows arm, cameras, mirrors and its robot's
+    description, the recording says where the arm was and which mirror stood there. Writes, for each
+    pose, what both cameras saw, what was expected and what differs, and a table of the places that
+    surprise. The moving arm is not judged.
     """
     from nico_selfmodel.dataset.folder import load_dataset
     from nico_selfmodel.files.whole import refuse_folder

@@ -17,7 +17,10 @@ def sheet(
     paper: Annotated[str, typer.Option("--paper", help="a4, letter, a3, a2, a1 or a0.")] = "a4",
     force: options.Force = False,
 ) -> None:
-    """Write a sheet of markers with cut lines and a ruler, as .pdf, .svg or .png."""
+    """Print a sheet of markers, with cut lines and a ruler.
+
+    As .pdf, .svg or .png.
+    """
     from nico_selfmodel.files.whole import refuse_existing
     from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY
     from nico_selfmodel.vision.markers.marker_sheet import MarkerSheet, parse_ids
@@ -41,7 +44,10 @@ def board(
     paper: Annotated[str, typer.Option("--paper", help="a4, letter, a3, a2, a1 or a0.")] = "a4",
     force: options.Force = False,
 ) -> None:
-    """Write a board for cameras with a ruler, as .pdf, .svg or .png."""
+    """Print a board for cameras, with a ruler.
+
+    As .pdf, .svg or .png.
+    """
     from nico_selfmodel.files.whole import refuse_existing
     from nico_selfmodel.vision.boards.board_sheet import BoardSheet
 

@@ -25,7 +25,10 @@ def monitor(
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Hold a body against new observations, in their order; exit code 1 where something changed."""
+    """Say whether the body is still what it was, and what changed.
+
+    Observations count in their order. Ends with 1 where something changed.
+    """
     from nico_selfmodel.model.tree.body_model import is_body
 
     if is_body(model):

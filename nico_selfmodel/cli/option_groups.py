@@ -11,6 +11,7 @@ from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 from nico_selfmodel.cli import options
+from nico_selfmodel.cli.placeholders import with_placeholder
 
 if TYPE_CHECKING:
     from nico_selfmodel.vision.boards.board_detection import AnyBoard
@@ -141,6 +142,7 @@ def unfolded(command: Callable[..., None]) -> Callable[..., None]:
             given[name] = group(**{key: given.pop(key) for key in own})
         command(**given)
 
+    parameters = list(map(with_placeholder, parameters))
     run.__signature__ = inspect.Signature(parameters)  # pyright: ignore[reportAttributeAccessIssue]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return run

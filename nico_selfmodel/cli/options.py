@@ -66,16 +66,21 @@ ImagesOrNone = Annotated[
     Path | None, typer.Argument(help="Folder of photographs of a board, left* and right*.")
 ]
 Cameras = Annotated[
-    Path | None, typer.Option("--cameras", help="Calibrated cameras, as `calibrate stereo` leaves.")
+    Path | None,
+    typer.Option("--cameras", help="Calibrated cameras: a result of `calibrate stereo`."),
 ]
 KnownCameras = Annotated[
     Path | None,
     typer.Option("--known", help="Self-model with these cameras as they were, to be compared."),
 ]
-Test = Annotated[Path | None, typer.Option("--test", help="Folder of held-out data.")]
+Test = Annotated[
+    Path | None, typer.Option("--test", help="Held-out data: a folder like that of the training.")
+]
 TestFraction = Annotated[
     float | None,
-    typer.Option("--test-fraction", help="Share of what is recorded to hold out.", callback=_share),
+    typer.Option(
+        "--test-fraction", help="Share of the data to hold out, such as 0.3.", callback=_share
+    ),
 ]
 
 # What is written.
@@ -97,24 +102,34 @@ DatasetName = Annotated[
 ]
 
 # Who does many jobs.
-Processes = Annotated[int, typer.Option("--processes", min=1, help="How many at once, of many.")]
+Processes = Annotated[int, typer.Option("--processes", min=1, help="How many are done at once.")]
 Dask = Annotated[
     str | None,
-    typer.Option("--dask", metavar="ADDRESS", help="A Dask scheduler that does many: tcp://..."),
+    typer.Option(
+        "--dask", metavar="ADDRESS", help="Do them on the Dask cluster of this scheduler: tcp://..."
+    ),
 ]
 
 # How it is learned.
 Fix = Annotated[
     list[str] | None,
-    typer.Option("--fix", metavar="NAME[=VALUE]", help="Fix a parameter. Repeat for more."),
+    typer.Option(
+        "--fix",
+        metavar="NAME[=VALUE]",
+        help="Fix a parameter, named as in result.json. Repeat for more.",
+    ),
 ]
 Free = Annotated[
     list[str] | None,
-    typer.Option("--free", metavar="NAME", help="Estimate a parameter. Repeat for more."),
+    typer.Option(
+        "--free", metavar="NAME", help="Estimate a parameter that is fixed. Repeat for more."
+    ),
 ]
 Prior = Annotated[
     list[str] | None,
-    typer.Option("--prior", metavar="NAME=MEAN,SIGMA", help="What is known of a parameter."),
+    typer.Option(
+        "--prior", metavar="NAME=MEAN,SIGMA", help="What is known of a parameter. Repeat for more."
+    ),
 ]
 Tangential = Annotated[
     bool, typer.Option("--tangential", help="Estimate tangential distortion p1, p2.")
@@ -148,18 +163,26 @@ Loss = Annotated[
     ),
 ]
 SplitSeed = Annotated[
-    int, typer.Option("--seed", min=0, help="Of what is held out, and of random starts.")
+    int, typer.Option("--seed", min=0, help="Random seed: what is held out, random starts.")
 ]
-DataSensor = Annotated[str, typer.Option("--sensor", help="auto, pixels or points.")]
+DataSensor = Annotated[str, typer.Option("--sensor", help="What to go by: auto, pixels or points.")]
 Count = Annotated[int, typer.Option("--count", min=1, help="How many poses.")]
-Marker = Annotated[str | None, typer.Option("--marker", help="Which tracked point.")]
+Marker = Annotated[str | None, typer.Option("--marker", help="Name of the tracked point.")]
 RequireTestMm = Annotated[
     float | None,
-    typer.Option("--require-test-mm", help="FAIL above this test error.", callback=_positive),
+    typer.Option(
+        "--require-test-mm",
+        help="FAIL where the mean held-out error is larger [mm].",
+        callback=_positive,
+    ),
 ]
 RequireTestPx = Annotated[
     float | None,
-    typer.Option("--require-test-px", help="FAIL above this test error.", callback=_positive),
+    typer.Option(
+        "--require-test-px",
+        help="FAIL where the mean held-out error is larger [px].",
+        callback=_positive,
+    ),
 ]
 
 # Chessboards and pixels.
@@ -169,12 +192,16 @@ _BOARD = typer.Option(
     help="Inner corners of a chessboard, as 9x6, or another board: charuco:7x5 (inner corners), "
     "aprilgrid:6x6 (tags), circles:7x5, asymmetric-circles:4x11.",
 )
-_WINDOW = typer.Option("--window", min=2, help="Half side of a corner's sub-pixel window [px]; 11.")
+_WINDOW = typer.Option("--window", min=2, help="Half side of a corner's sub-pixel window [px].")
 Board = Annotated[str, _BOARD]
 BoardOrNone = Annotated[str | None, _BOARD]
 SquareMm = Annotated[
     float,
-    typer.Option("--square-mm", help="Side of a square; of tags and circles, their distance."),
+    typer.Option(
+        "--square-mm",
+        help="Side of a square; of tags and circles, their distance.",
+        callback=_positive,
+    ),
 ]
 TagMm = Annotated[
     float | None,
@@ -227,22 +254,31 @@ Point = Annotated[
 
 # A simulated robot.
 Imperfections = Annotated[
-    str, typer.Option("--imperfections", help="Of body, trackers and pictures: thesis or clean.")
+    str,
+    typer.Option(
+        "--imperfections", help="Imperfections of body, trackers and pictures: thesis or clean."
+    ),
 ]
-RobotSeed = Annotated[int, typer.Option("--seed", min=0, help="Which robot instance.")]
-FirstSeed = Annotated[int, typer.Option("--seed", min=0, help="Of the first robot instance.")]
+RobotSeed = Annotated[
+    int, typer.Option("--seed", min=0, help="Random seed: which simulated robot.")
+]
+FirstSeed = Annotated[
+    int, typer.Option("--seed", min=0, help="Random seed: which simulated robot is the first.")
+]
 Session = Annotated[
-    int, typer.Option("--session", min=0, help="Which recording of it: poses and noise.")
+    int, typer.Option("--session", min=0, help="Which recording of that robot: poses, noise.")
 ]
 JointNoise = Annotated[
     float | None,
-    typer.Option("--joint-noise-deg", min=0.0, help="Half the width of the joints' noise."),
+    typer.Option("--joint-noise-deg", min=0.0, help="Half the width of the joints' noise [deg]."),
 ]
-RandomPoses = Annotated[int, typer.Option("--random", min=0, help="Random poses to train with.")]
+RandomPoses = Annotated[
+    int, typer.Option("--random", min=0, help="How many random poses to visit.")
+]
 Rendered = Annotated[
     bool, typer.Option("--rendered", help="Through rendered pictures; minutes a robot.")
 ]
-_ROBOTS = "Robot instances to average over"
+_ROBOTS = "Simulated robots to average over"
 Robots = Annotated[int, typer.Option("--robots", min=1, help=f"{_ROBOTS}.")]
 RobotsOrOne = Annotated[
     int | None, typer.Option("--robots", min=1, help=f"{_ROBOTS}; 1 if --rendered.")
@@ -251,23 +287,29 @@ MIRROR = "ID[=MM,DEG,DEG]"
 """How a mirror is put before a simulated robot."""
 
 # Real servos.
-_PORT = typer.Option("--port", help="Serial port: /dev/serial/by-id/..., or of servo simulate.")
+_PORT = typer.Option(
+    "--port", help="Serial port: /dev/serial/by-id/..., or that of `servo simulate`."
+)
 _CONFIG = typer.Option("--config", help="Servo configuration (nico-servos/1).")
 Port = Annotated[str, _PORT]
 PortOrNone = Annotated[str | None, _PORT]
 Config = Annotated[Path, _CONFIG]
 ConfigOrNone = Annotated[Path | None, _CONFIG]
 BaudOrNone = Annotated[
-    int | None, typer.Option("--baud", help="Rate of the line; the configuration's, or the usual.")
+    int | None,
+    typer.Option("--baud", help="Baud rate; that of the configuration, or the usual, if omitted."),
 ]
 Make = Annotated[
-    str, typer.Option("--make", help="Of the motors: pic-servo, dynamixel or feetech.")
+    str, typer.Option("--make", help="Make of the motors: pic-servo, dynamixel or feetech.")
 ]
 Speed = Annotated[
-    float | None, typer.Option("--speed-deg-s", help="Largest joint speed; its limit if omitted.")
+    float | None,
+    typer.Option("--speed-deg-s", help="Largest speed of a joint; its limit if omitted."),
 ]
 TrustZero = Annotated[
     bool, typer.Option("--trust-zero", help="Take the zero as it is though it was not homed.")
 ]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask.")]
-Seconds = Annotated[float | None, typer.Option("--seconds", min=0.0, help="End after this time.")]
+Seconds = Annotated[
+    float | None, typer.Option("--seconds", min=0.0, help="End after this time [s].")
+]

@@ -25,7 +25,10 @@ def pick_color(
     ] = None,
     force: options.Force = False,
 ) -> None:
-    """Learn thresholds of a colour, a YAML, from pixels that you click on or name with --at."""
+    """Learn thresholds of a colour from pixels of a photograph.
+
+    You click on them in a window, or name them with --at. The thresholds are a YAML.
+    """
     from nico_selfmodel.files.reading import real_path
     from nico_selfmodel.files.whole import refuse_existing
     from nico_selfmodel.vision.color.color_blob import color_mask, find_color_blob

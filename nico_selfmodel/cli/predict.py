@@ -42,11 +42,12 @@ def predict(
     ] = None,
     as_json: options.AsJson = False,
 ) -> None:
-    """Predict where the hand is: x, y, z [m], sigma of the model and with noise [mm].
+    """Predict where the hand is: x, y, z [m] with sigmas [mm].
 
-    Places are in the frame that the output names: of an arm that of its tracker or left camera, of
-    a whole body where it begins, which with --robot is the description's root; --frame SENSOR
-    tells them as that sensor sees them. A sigma is that of one coordinate, rms of the three.
+    One sigma is that of the model, the other counts noise too; each is that of one coordinate, rms
+    of the three. Places are in the frame that the output names: of an arm that of its tracker or
+    left camera, of a whole body where it begins, which with --robot is the description's root;
+    --frame SENSOR tells them as that sensor sees them.
     """
     from nico_selfmodel.dataset.readings import warn_beyond
     from nico_selfmodel.model.self_model_file import load_model

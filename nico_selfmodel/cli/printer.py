@@ -209,11 +209,14 @@ def verdict(document: Mapping[str, Any]) -> None:
 
 def folder(made: Path) -> None:
     """Say what lies in a folder that was made, and how to look at it."""
+    inside = sorted(made.iterdir())
     line(f"\nresult   {made}/")
-    for path in sorted(made.iterdir()):
+    for path in inside:
         line(f"         {path.name}")
-    if (made / "report.html").exists():
-        line(f"look     open {made / 'report.html'}, or: nico-selfmodel view {made}")
+    reports = [str(path) for path in (made / "report.html", *made.glob("*/report.html"))
+               if path.exists()]  # fmt: skip
+    if reports:
+        line(f"look     open {' and '.join(reports)}, or: nico-selfmodel view {made}")
 
 
 def result(
@@ -268,5 +271,4 @@ def _outliers(document: Mapping[str, Any]) -> None:
         boards = (" and ".join(names[view] for names in files) for view in outliers)
         line(f"boards set aside as outliers: {'; '.join(boards)}")
     else:
-        poses = "training pose" if len(outliers) == 1 else "training poses"
-        line(f"{len(outliers)} {poses} set aside as outliers (listed in result.json)")
+        line(f"training poses set aside as outliers: {len(outliers)} (listed in result.json)")

@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from nico_selfmodel.names import called
+
 _DERIVED = ("baseline", "link.upper", "link.lower")
 
 
@@ -77,7 +79,7 @@ def _mirrors(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         sigma = entry["normal_sigma_deg"]
         known = "normal not known" if sigma is None else f"normal to {sigma:.2f} deg"
         yield (
-            f"mirror {name}",
+            called("mirror", name),
             f"{entry['poses']} poses, {entry['distance_mm']:.0f} mm from {start}, {known}, {flat}",
         )
 

@@ -21,9 +21,10 @@ def rezero(
     sensor: options.DataSensor = "auto",
     loss: options.Loss = "trimmed",
 ) -> None:
-    """Find the encoders' zeros again from three to five poses, everything else held.
+    """Find the encoders' zeros again from three to five poses.
 
-    Of an arm, or of a body of any tree, from a recording of poses and observations.
+    Everything else is held. Of an arm, or of a body of any tree, from a recording of poses and
+    observations.
     """
     from nico_selfmodel.dataset.folder import load_dataset
     from nico_selfmodel.estimation.judging import judge, to_json

@@ -22,7 +22,8 @@ def motion_capture(
         int, typer.Option("--circle-points", min=0, help="Poses on each circle; 0 for none.")
     ] = 26,
     arc_share: Annotated[
-        float, typer.Option("--arc-share", min=0.01, help="Share of the visible arcs swept.")
+        float,
+        typer.Option("--arc-share", min=0.01, max=1.0, help="Share of the visible arcs swept."),
     ] = 1.0,
     random_poses: options.RandomPoses = 100,
     joint_noise_deg: options.JointNoise = None,
@@ -40,7 +41,10 @@ def motion_capture(
     ] = None,
     force: options.Force = False,
 ) -> None:
-    """Sweep and pose a simulated arm under motion capture; writes a data set."""
+    """Record a simulated arm under motion capture.
+
+    Each joint is swept alone, then random poses are visited.
+    """
     from nico_selfmodel.dataset.folder import save_dataset
     from nico_selfmodel.files.whole import refuse_existing
     from nico_selfmodel.planning.sweep_protocol import SweepProtocol
@@ -106,10 +110,11 @@ def whole_body(
     joint_noise_deg: options.JointNoise = None,
     force: options.Force = False,
 ) -> None:
-    """Let a whole Nico look about a known room and at its hands; writes a recording of a body.
+    """Record a whole Nico that looks at a room and its hands.
 
-    With --mirror it looks at its hands in mirrors, and does the rest only where it is asked for.
-    Places of markers in the images are projected, not found in pictures, and nothing hides them.
+    It is a recording of a body. With --mirror it looks at its hands in mirrors, and does the rest
+    only where it is asked for. Places of markers in the images are projected, not found in
+    pictures, and nothing hides them.
     """
     from nico_selfmodel.dataset.body.body_folder import save_body_dataset
     from nico_selfmodel.dataset.body.joining import joined

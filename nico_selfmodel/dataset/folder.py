@@ -9,6 +9,7 @@ from nico_selfmodel.dataset.metadata_file import metadata_text, read_metadata
 from nico_selfmodel.dataset.plausibility import check_plausible, warn_of_units
 from nico_selfmodel.dataset.samples_file import read_samples, samples_pieces, samples_text
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.files.folder_contents import found_at
 from nico_selfmodel.files.reading import real_path
 from nico_selfmodel.files.whole import folder_in_place_of
 
@@ -34,17 +35,11 @@ def load_dataset(folder: str | PathLike[str]) -> Dataset:
             radians turned so far that degrees seem meant.
     """
     folder = Path(folder)
-    if not folder.is_dir():
-        found = "it is a file" if folder.exists() else "there is no such folder"
-        raise DataError(
-            f"{folder}: {found}; a data set is a folder with {METADATA_NAME} and {SAMPLES_NAME}"
-        )
     if (folder / METADATA_NAME).is_file() and not (folder / SAMPLES_NAME).is_file():
         read_metadata(folder / METADATA_NAME)  # names what it is instead
     if not any((folder / name).is_file() for name in (METADATA_NAME, SAMPLES_NAME)):
         raise DataError(
-            f"{folder} is no data set, {_what_is(folder)}: {METADATA_NAME} is missing, and "
-            f"{SAMPLES_NAME}"
+            f"{found_at(folder)}; a data set is a folder with {METADATA_NAME} and {SAMPLES_NAME}"
         )
     for name in (METADATA_NAME, SAMPLES_NAME):
         if not (folder / name).is_file():
@@ -59,18 +54,6 @@ def load_dataset(folder: str | PathLike[str]) -> Dataset:
     check_plausible(dataset, str(table_path))
     warn_of_units(dataset, str(table_path))
     return dataset
-
-
-def _what_is(folder: Path) -> str:
-    """Say what a folder is that is no data set."""
-    names = [path.name for path in folder.iterdir()]
-    if not names:
-        return "it is empty"
-    if {"result.json", "self_model.yaml", "body.yaml"} & set(names):
-        return "it is a result"
-    if any(name.lower().endswith((".png", ".jpg", ".jpeg")) for name in names):
-        return "it holds pictures"
-    return "it holds other files"
 
 
 def save_dataset(dataset: Dataset, folder: str | PathLike[str], force: bool = False) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.names import refuse_unknown
 from nico_selfmodel.planning.plans import HOME, commands_of_angles
 from nico_selfmodel.planning.visible_workspace import PROJECTED, VisibleWorkspace
 from nico_selfmodel.plant import ArmDescription
@@ -44,8 +45,7 @@ class ProjectedNico:
         Raises:
             ValueError: If there is no such tracker.
         """
-        if tracker not in TRACKERS:
-            raise ValueError(f"no tracker {tracker!r}; there are {', '.join(TRACKERS)}")
+        refuse_unknown("tracker", tracker, TRACKERS)
         return _tracked_by(tracker)
 
     @property

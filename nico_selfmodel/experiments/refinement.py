@@ -22,6 +22,7 @@ from nico_selfmodel.experiments.projected_nico import TRACKERS, ProjectedNico
 from nico_selfmodel.experiments.stereo import BOARDS, TEST_BOARDS, board_points
 from nico_selfmodel.model.arm.link_lengths import link_lengths
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.names import refuse_unknown
 from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.systems.simulated.cameras import SimulatedCameras
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
@@ -142,8 +143,7 @@ def run_refinement(
         ValueError: If there is no such tracker.
     """
     for tracker in trackers:
-        if tracker not in TRACKERS:
-            raise ValueError(f"no tracker {tracker!r}; there are {', '.join(TRACKERS)}")
+        refuse_unknown("tracker", tracker, TRACKERS)
     found: dict[tuple[str, str], list[dict[str, Any]]] = {
         (tracker, name): [] for tracker in trackers for name in CONDITIONS
     }

@@ -25,6 +25,7 @@ LARGEST_PICTURE = 256 * MEGABYTE
 """Of a PNG or JPEG [bytes]."""
 
 _KINDS = (
+    (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a named pipe"),
     (stat.S_ISSOCK, "a socket"),
     (stat.S_ISCHR, "a device"),
@@ -100,7 +101,7 @@ def read_standard_input(most: int) -> str:
 
 
 def _check_regular(path: Path) -> None:
-    mode = path.stat().st_mode  # a folder is refused well enough when it is opened
+    mode = path.stat().st_mode
     for is_kind, name in _KINDS:
         if is_kind(mode):
             raise DataError(f"{path}: is {name}, a file was expected")

@@ -191,7 +191,7 @@ class SelfModel:
         if not self.mirrors:
             raise ModelError(self._lack("mirror", "calibrate mirror"))
         if mirror not in self.mirrors:
-            raise ModelError(f"no mirror {mirror!r}; there are: {listed(self.mirrors, mirror)}")
+            raise ModelError(f"no mirror {mirror!r}; there are {listed(self.mirrors, mirror)}")
         return MirrorRig(self.rig, self.mirrors[mirror])
 
     def mirror_failure(self, mirror: str) -> str | None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.files.folder_contents import found_at
 from nico_selfmodel.files.reading import LARGEST_DOCUMENT, read_text, real_path
 from nico_selfmodel.files.whole import write_whole
 from nico_selfmodel.files.yaml_text import parse_yaml, yaml_text
@@ -70,14 +71,13 @@ def load_model(path: str | Path) -> SelfModel:
         ModelError: If the file is missing, of another format or version, or not valid.
     """
     path = Path(path)
-    if path.is_dir() and (path / "body.yaml").is_file():
+    inside = path / "self_model.yaml"
+    if not path.exists() or (path.is_dir() and not inside.exists()):
         raise ModelError(
-            f"{path} is a body of any tree ({path.name}/body.yaml), and this takes the self-model "
-            "of an arm or of cameras alone (self_model.yaml)"
+            f"{found_at(path)}; the self-model of an arm or of cameras is a result folder "
+            "with self_model.yaml, or that file"
         )
-    path = path / "self_model.yaml" if path.is_dir() else path
-    if not path.exists():
-        raise ModelError(f"{path} does not exist: give a self_model.yaml")
+    path = inside if path.is_dir() else path
     try:
         document = parse_yaml(read_text(path, LARGEST_DOCUMENT), str(path))
     except DataError as error:

@@ -11,7 +11,7 @@ from pydrake.solvers import IpoptSolver, MathematicalProgram, SnoptSolver, Solve
 
 from nico_selfmodel.errors import ImpossibleModelError
 from nico_selfmodel.least_squares import NormalEquations
-from nico_selfmodel.names import listed
+from nico_selfmodel.names import refuse_unknown
 from nico_selfmodel.optimization.levenberg_marquardt_solver import (
     LevenbergMarquardtSolver,
     bounds_of,
@@ -114,8 +114,7 @@ class CalibrationProgram:
         Raises:
             ValueError: If there is none of that name; the message lists those there are.
         """
-        if name not in self._names:
-            raise ValueError(f"no parameter {name!r}; there are: {listed(self._names, name)}")
+        refuse_unknown("parameter", name, self._names)
         return self._names.index(name)
 
     def fix(self, name: str, value: float | None = None) -> None:
@@ -284,8 +283,7 @@ class CalibrationProgram:
             ValueError: If the solver is unknown.
             ImpossibleModelError: If the start itself cannot be.
         """
-        if solver not in SOLVERS:
-            raise ValueError(f"no solver {solver!r}; there are {', '.join(SOLVERS)}")
+        refuse_unknown("solver", solver, SOLVERS)
         if solver == "lm":
             x, last = LevenbergMarquardtSolver(self).minimise(
                 self.prog, self.start, max_iterations=max_iterations, tolerance=tolerance

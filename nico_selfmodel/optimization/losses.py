@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.names import refuse_unknown
+
 LOSSES = ("none", "huber", "cauchy", "tukey")
 
 TUNING = {"huber": 2.8, "cauchy": 2.5, "tukey": 5.5}
@@ -29,8 +31,7 @@ class Loss:
 
     def __post_init__(self) -> None:
         """Check the kind and the scale."""
-        if self.kind not in LOSSES:
-            raise ValueError(f"no loss {self.kind!r}; there are {', '.join(LOSSES)}")
+        refuse_unknown("loss", self.kind, LOSSES)
         if not self.scale > 0.0:
             raise ValueError(f"scale must be positive, got {self.scale}")
 

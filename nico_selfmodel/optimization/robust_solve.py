@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.names import refuse_unknown
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
 from nico_selfmodel.optimization.losses import LOSSES, Loss, robust_scale
 
@@ -59,8 +60,7 @@ def solve_robustly(
     Raises:
         ValueError: If the method or the solver is unknown.
     """
-    if method not in ROBUST_METHODS:
-        raise ValueError(f"no loss {method!r}; there are {', '.join(ROBUST_METHODS)}")
+    refuse_unknown("loss", method, ROBUST_METHODS)
     attempt = _Attempt(program, block, solver, outlier_at)
     if method == "none":
         program.set_loss(block, Loss())

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.names import listed
+from nico_selfmodel.names import listed, refuse_unknown
 from nico_selfmodel.planning.pose_selection import (
     NextPoses,
     bending_priors,
@@ -65,6 +65,7 @@ def choose_next_poses(
             f"{listed(model.joints)}"
         )
     marker = model.markers[0] if marker is None else marker
+    refuse_unknown("marker", marker, model.markers)
     recorded = data.encoders[(data.marker == marker) & (data.mirror == "")]
     if not len(recorded):
         raise DataError(f"data set {data.name!r} has no direct view of {marker!r}")

@@ -14,6 +14,7 @@ from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.errors import DataError, NotIdentifiableError
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.names import refuse_unknown
 
 CRITERIA = ("I", "D")
 _RIDGE = 1e-6
@@ -244,8 +245,7 @@ def _checked(jacobians: NDArray, count: int, criterion: str) -> NDArray:
         raise ValueError(f"jacobians must have shape (N, 3, p), got {jacobians.shape}")
     if not 1 <= count <= len(jacobians):
         raise ValueError(f"count must be from 1 to {len(jacobians)}, the pool's size, got {count}")
-    if criterion not in CRITERIA:
-        raise ValueError(f"criterion must be one of {', '.join(CRITERIA)}, got {criterion!r}")
+    refuse_unknown("criterion", criterion, CRITERIA)
     return jacobians
 
 

@@ -23,7 +23,7 @@ from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE, WORLD, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
-from nico_selfmodel.names import listed
+from nico_selfmodel.names import listed, refuse_unknown
 from nico_selfmodel.plant.frames import add_frame, frame_names
 from nico_selfmodel.plant.kinematic_tree import rigid
 from nico_selfmodel.plant.model_in_plant import ModelInPlant, check_open, parent_frame
@@ -166,7 +166,7 @@ class BodyPlant(ModelInPlant):
         """
         if not self.plant.HasFrameNamed(name, self.instance):
             names = [item.name for item in (*self.tree.markers, *self.tree.sensors)]
-            raise ValueError(f"no marker or sensor {name!r}; there are {listed(names, name)}")
+            refuse_unknown("marker or sensor", name, names)
         return self.plant.GetFrameByName(name, self.instance)
 
 

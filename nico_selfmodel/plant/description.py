@@ -185,8 +185,9 @@ class ArmDescription:
         """
         if joints != self.joints:
             raise ModelError(
-                f"the self-model has the joints {listed(joints)}, the chain from "
-                f"{self.base_link} to {self.tip_link} of {self.urdf.name} {listed(self.joints)}"
+                f"the self-model has the joints {listed(joints)}, and the chain from "
+                f"{self.base_link} to {self.tip_link} of {self.urdf.name} has "
+                f"{listed(self.joints)}: give a model of that chain"
             )
 
 

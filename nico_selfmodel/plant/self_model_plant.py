@@ -13,7 +13,7 @@ from pydrake.multibody.tree import Frame
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.names import listed
+from nico_selfmodel.names import listed, refuse_unknown
 from nico_selfmodel.plant.description import ArmDescription
 from nico_selfmodel.plant.frames import (
     JointFrames,
@@ -188,8 +188,7 @@ class SelfModelPlant(ModelInPlant):
             ValueError: If there is no such marker; the message lists those there are.
         """
         marker = self.markers[0] if marker is None else marker
-        if marker not in self.markers:
-            raise ValueError(f"no marker {marker!r}; the plant has {listed(self.markers, marker)}")
+        refuse_unknown("marker", marker, self.markers)
         return self._hand_frame(marker)
 
     def set_positions(

@@ -246,7 +246,7 @@ def test_a_wrong_observation_is_refused_with_its_line(folder, tmp_path, command,
         (("--stage", "full", "--arm", "b"), "--stage, --arm would change nothing"),
         (("--robot-sigma", "2,10"), "give --robot too"),
         (("--robot", "nico", "--robot-sigma", "2"), "--robot-sigma 2 must be DEG,MM"),
-        (("--test", "nowhere"), "nowhere: dataset.yaml is missing"),
+        (("--test", "nowhere"), "nowhere does not exist; a recording of any body is a folder"),
     ],
 )
 def test_wrong_words_are_refused_in_one_line(folder, tmp_path, command, words, reason):
@@ -267,8 +267,8 @@ def test_lenses_of_other_cameras_alone_are_refused(folder, tmp_path, command):
     lens = Camera(600.0, 600.0, 320.0, 240.0, (640, 480))
     save_model(SelfModel("pair", cameras={"left": lens, "right": lens}), tmp_path / "pair.yaml")
     reason = refused(command, folder / "two_arms", tmp_path, "--cameras", tmp_path / "pair.yaml")
-    assert "holds the cameras left, right" in reason
-    assert "has camera1, camera2: they are matched by name" in reason
+    assert "has the cameras: left, right;" in reason
+    assert "camera1, camera2: they are matched by name" in reason
 
 
 def test_predictions_of_a_body_name_the_frame_that_they_are_in(tmp_path, command):
@@ -284,7 +284,7 @@ def test_predictions_of_a_body_name_the_frame_that_they_are_in(tmp_path, command
     assert [row["frame"] for row in seen] == ["tracker"]
     done = command(*words, "--frame", "nobody")
     assert done.returncode == 2
-    assert "no sensor 'nobody'; the body has tracker" in done.stderr
+    assert "no sensor 'nobody'; there are tracker" in done.stderr
 
 
 def test_an_arm_with_encoders_is_no_hand_eye(folder, tmp_path, command):

@@ -189,13 +189,13 @@ def test_options_that_would_be_ignored_are_refused(options, word, recorded, tmp_
         (("simulate", "motion-capture", "--seed", "-1", "--out", "somewhere"), "--seed"),
         (("evaluate", "", "data"), "an argument is empty"),
         (("predict", "model", "--encoders", ""), "--encoders is empty"),
-        (("choose-poses", "m", "--count", "0"), "greater than or equal to 1, got '0'. See: "),
-        (("choose-poses", "m", "--count=-3"), "greater than or equal to 1, got '-3'. See: "),
-        (("choose-poses", "m", "--count", "x"), "as an integer, got 'x'. See: "),
+        (("choose-poses", "m", "--count", "0"), "expected at least 1, got '0'. See: "),
+        (("choose-poses", "m", "--count=-3"), "expected at least 1, got '-3'. See: "),
+        (("choose-poses", "m", "--count", "x"), "expected a whole number, got 'x'. See: "),
         (("choose-poses", "m", "--cuont", "1"), "--cuont"),
         (
             ("calibrate", "kinematics", "d", "--out", "o", "--starts", 99999999999999999999),
-            "less than or equal to 1000000, got '99999999999999999999'. See: ",
+            "expected at most 1000000, got '99999999999999999999'. See: ",
         ),
     ],
 )
@@ -229,7 +229,7 @@ def test_force_never_deletes_the_data_it_reads_or_a_folder_of_something_else(
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        (("--effects", "sagg"), "--effects: no effect 'sagg', did you mean 'sag'?"),
+        (("--effects", "sagg"), "no effect 'sagg', did you mean 'sag'? There are"),
         (("--up", "0,0,0"), "--up must be a direction as three numbers"),
         (("--up", "0,1"), "--up must be a direction as three numbers"),
         (("--up", "0,x,1"), "--up: 'x' is not a number"),

@@ -155,7 +155,7 @@ def test_wrong_words_are_one_line(photographs, tmp_path, command):
         ((*rig, "--images", f"a={left}", "--images", f"a={left}"), "another camera a"),
         ((*rig, "--images", f"a={left}", "--images", f"b={third}"), "boards in common"),
         ((*camera, *BOARD[:2], "--lens", "round"), "there are auto, polynomial, rational, fisheye"),
-        ((*camera, *BOARD[:2], "--lens", "left=round"), "no lens 'round' of 'left'"),
+        ((*camera, *BOARD[:2], "--lens", "left=round"), "no lens 'round'; there are polynomial"),
         ((*camera, *BOARD[:2], "--lens", "left=fisheye,"), "NAME=LENS of each camera"),
         ((*camera, *BOARD[:2], "--lens", "lft=fisheye"), "did you mean 'left'"),
         ((*rig, *two, "--lens", "a=fisheye"), "no lens is given of b"),

@@ -238,7 +238,7 @@ def test_rezero_of_one_joint_and_of_all(recorded, body, command, tmp_path):
     ("words", "complaint"),
     [
         (("--variant", "anchored"), "needs views of a chessboard by both cameras"),
-        (("--stage", "all"), "choose one of kinematics"),
+        (("--stage", "all"), "there are kinematics"),
         (("--test-fraction", 0.2, "--test", "test"), "give --test or --test-fraction"),
         (("--arm", "right_arm"), "need --robot"),
         (("--stage", "kinematics", "--fix", "left.f"), "no camera parameter"),

@@ -23,7 +23,7 @@ def model_before(mirrors):
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        ("wall", "no mirror 'wall'; there are: glass, far"),
+        ("wall", "no mirror 'wall'; there are glass, far"),
         ("=300,0,0", "needs a name"),
         ("glass=1,2", "expected ID=distance"),
         ("far", "--mirror far=MM,DEG,DEG"),

@@ -151,7 +151,7 @@ def test_bad_data_are_one_clear_line(command, inputs, body, tmp_path):
 def test_a_place_that_cannot_be_is_refused(command, result, inputs):
     out, _ = result
     for words, message in (
-        (("--mirror", "wall", "--pixels", "1,2,3,4"), "there are: middle"),
+        (("--mirror", "wall", "--pixels", "1,2,3,4"), "there are middle"),
         (("--mirror", "middle", "--pixels", "1,2,3"), "got 3 numbers"),
         (("--mirror", "middle", "--pixels", "a,2,3,4"), "--pixels a,2,3,4: 'a' is not a number"),
         (("--mirror", "middle", "--pixels", "100,200,500,200"), "no reflection"),

@@ -31,6 +31,7 @@ def leaves(command=None, path=()):
 
 
 COMMANDS = dict(leaves())
+GROUPS = [name for name, below in _tree().commands.items() if hasattr(below, "commands")]
 
 
 def options_of(command):
@@ -55,6 +56,24 @@ def test_help_has_the_words_of_the_field(name):
     said = [command.help, *(p.help or "" for p in command.params), *options_of(command)]
     found = [words for words in said if re.search(PRIVATE_WORDS, words)]
     assert found == []
+
+
+@pytest.mark.parametrize("path", [(), *((name,) for name in GROUPS)])
+def test_a_list_of_commands_says_of_each_what_it_does_in_whole(path):
+    group = _tree()
+    for name in path:
+        group = group.commands[name]
+    context = group.make_context("", [], resilient_parsing=True)
+    lines = group.get_help(context).partition("Commands:\n")[2].splitlines()
+    assert len(lines) == len(group.commands)
+    assert [line for line in lines if line.endswith("...")] == []
+
+
+def test_the_help_of_an_option_names_no_type_of_python():
+    for command in COMMANDS.values():
+        options = [p for p in command.params if p.param_type_name == "option" and not p.is_flag]
+        assert options
+        assert [p.opts for p in options if not p.metavar] == []
 
 
 def test_what_learns_takes_data_first_and_what_uses_a_model_takes_that_first():

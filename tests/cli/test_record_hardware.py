@@ -114,8 +114,8 @@ def test_real_cameras_may_be_folders_of_pictures(homed, command, tmp_path):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (("--config", "x.yaml"), ("need --port",)),
-        (("--yes",), ("need --port",)),
+        (("--config", "x.yaml", "--tip", "a"), ("--config, --tip: for a real robot", "--port")),
+        (("--yes",), ("--yes: for a real robot", "--port")),
         (("--port", "nowhere"), ("needs --config",)),
         (("--port", "nowhere", "--imperfections", "clean"), ("--imperfections", "leave it out")),
         (("--port", "nowhere", "--sensor", "chessboard"), ("calibrate stereo",)),

@@ -81,5 +81,7 @@ def test_what_does_not_fit_is_refused(command, watched, config, urdf, tmp_path):
     cameras = ("record", "--out", tmp_path / "own", *watched[:2], "--config", config, "--yes")
     own = ("--robot", urdf, "--tip", "tool0", "--left-camera", 0, "--right-camera", 1)
     assert_one_clear_line(command(*cameras, *own), "cameras watch Nico's arm")
-    assert_one_clear_line(command("record", "--out", "x", "--robot", urdf), "need --port")
+    assert_one_clear_line(
+        command("record", "--out", "x", "--robot", urdf), "--robot: for a real robot"
+    )
     assert not (tmp_path / "own").exists()

@@ -34,7 +34,7 @@ def lenses(tmp_path_factory):
     [
         (("--arms", "right"), "--arms and --room need --head"),
         (("--head",), "--head needs --cameras"),
-        (("--head", "--arms", "three"), "--arms must be one of right, left, both, got 'three'"),
+        (("--head", "--arms", "three"), "no --arms 'three'; there are right, left, both"),
         (("--head", "--circle", 6), "--circle is for one arm"),
         (("--head", "--random", 0, "--circle", 0), "nothing to record"),
         (("--head", "--room", "nowhere.yaml"), "nowhere.yaml"),

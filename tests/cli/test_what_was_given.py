@@ -24,7 +24,12 @@ def body(tmp_path_factory):
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [(None, "it is empty"), ("result.json", "it is a result"), ("a.PNG", "it holds pictures")],
+    [
+        (None, "given is empty"),
+        ("result.json", "given is a result (result.json)"),
+        ("a.PNG", "given is a folder of pictures"),
+        ("poses.txt", "given is a folder of other files"),
+    ],
 )
 @pytest.mark.parametrize("kind", ["kinematics", "body"])
 def test_a_folder_that_is_no_data_set_is_told_for_what_it_is(tmp_path, command, kind, name, words):
@@ -33,12 +38,12 @@ def test_a_folder_that_is_no_data_set_is_told_for_what_it_is(tmp_path, command, 
     if name is not None:
         (folder / name).write_text("{}")
     done = command("calibrate", kind, folder, "--out", tmp_path / "out")
-    assert_one_clear_line(done, "given is no data set", words, "dataset.yaml is missing")
+    assert_one_clear_line(done, words, "a data set is a folder with dataset.yaml and samples.csv")
 
 
 def test_a_whole_body_given_as_an_arm_is_told_for_what_it_is(tmp_path, command, body):
     done = command("export-urdf", body, "--out", tmp_path / "arm.urdf")
-    assert_one_clear_line(done, "is a body of any tree (arm/body.yaml)", "self_model.yaml")
+    assert_one_clear_line(done, "is a result, of a body (body.yaml)", "self_model.yaml")
 
 
 def test_a_board_of_too_many_corners_is_not_called_wrongly_written():
@@ -60,3 +65,45 @@ def test_what_a_body_lacks_for_choosing_poses_is_named(tmp_path, command, body):
     words = ("choose-poses", body, tmp_path / "data", "--count", 3, "--out", tmp_path / "o.csv")
     done = command(*words)
     assert_one_clear_line(done, "body 'arm' has no covariance: learn it")
+
+
+def test_a_data_set_in_the_place_of_a_self_model_is_told_for_what_it_is(
+    recorded, result, tmp_path, command
+):
+    done = command("evaluate", recorded[1], result)
+    assert_one_clear_line(done, f"{recorded[1]} is a data set of an arm (samples.csv)")
+    done = command("calibrate", "kinematics", result, "--out", tmp_path / "out")
+    assert_one_clear_line(done, f"{result} is a result, of an arm or cameras (self_model.yaml)")
+    done = command("calibrate", "hand-eye", recorded[1], "--out", tmp_path / "out")
+    assert_one_clear_line(done, f"nico-selfmodel convert {recorded[1]} --out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_cameras_that_a_model_does_not_have_are_not_ignored(recorded, result, tmp_path, command):
+    out = tmp_path / "out"
+    done = command("convert", recorded[1], "--cameras", result, "--out", out)
+    assert_one_clear_line(done, "has no pair of cameras")
+    assert not out.exists()
+
+
+def test_too_few_training_data_are_not_called_standing_still(project_root, tmp_path, command):
+    data = project_root / "examples" / "data" / "franka_fr3"
+    words = ("calibrate", "kinematics", data, "--test-fraction", 0.999)
+    done = command(*words, "--out", tmp_path / "out")
+    assert_one_clear_line(done, "equations for", "hold out fewer")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("simulate", "motion-capture", "--arc-share", "3"), "expected at most 1"),
+        (("record", "--mirror", "m=a,2,3"), "--mirror m=a,2,3: 'a' is not a number"),
+        (("calibrate", "stereo", "x", "--board", "9x6", "--square-mm", "0"), "--square-mm must be"),
+        (("import", "vicon", "a.csv", "--encoders", "b.csv"), "needs --counts-per-turn"),
+        (("markers", "board", "--board", "9x6", "--square-mm", "nan"), "--square-mm must be"),
+    ],
+)
+def test_a_value_that_cannot_be_is_refused_by_its_option(words, said, tmp_path, command):
+    out = tmp_path / "out"
+    assert_one_clear_line(command(*words, "--out", out), said)
+    assert not out.exists()

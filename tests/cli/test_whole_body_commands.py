@@ -50,7 +50,7 @@ def test_a_recording_of_nothing_is_refused(tmp_path, command, words, said):
     ("words", "said"),
     [
         (["--arms", "both"], "--arms both needs --head"),
-        (["--arms", "three", "--head"], "--arms must be one of right, left, both, got 'three'"),
+        (["--arms", "three", "--head"], "no --arms 'three'; there are right, left, both"),
         (["--head", "--sensor", "stereo-color"], "--sensor would change nothing"),
         (["--head", "--mirror", "--random", "3"], "--random, --mirror would change nothing"),
     ],

@@ -118,7 +118,7 @@ def test_a_map_that_does_not_fit_is_refused(table, changes, message):
 def test_a_missing_table_is_named(tmp_path):
     with pytest.raises(DataError, match=r"arm\.csv: there is no such file"):
         import_csv(tmp_path / "arm.csv", MAP)
-    with pytest.raises(DataError, match="cannot be read: Is a directory"):
+    with pytest.raises(DataError, match="is a folder, a file was expected"):
         import_csv(tmp_path, MAP)
 
 

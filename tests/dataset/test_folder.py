@@ -290,15 +290,17 @@ def test_what_is_merged_may_be_overridden_and_stands_once(tmp_path):
 
 
 def test_a_missing_folder_or_file_is_named(folder, tmp_path):
-    with pytest.raises(DataError, match="nowhere: there is no such folder"):
+    with pytest.raises(DataError, match="nowhere does not exist; a data set is a folder"):
         load_dataset(tmp_path / "nowhere")
     path = folder()
-    with pytest.raises(DataError, match="it is a file"):
+    with pytest.raises(DataError, match="csv is a file; a data set"):
         load_dataset(path / "samples.csv")
-    for name in ("samples.csv", "dataset.yaml"):
-        (path / name).unlink()
-        with pytest.raises(DataError, match=f"{name} is missing"):
-            load_dataset(path)
+    (path / "samples.csv").unlink()
+    with pytest.raises(DataError, match=r"samples\.csv is missing"):
+        load_dataset(path)
+    (path / "dataset.yaml").unlink()
+    with pytest.raises(DataError, match="is empty; a data set is a folder"):
+        load_dataset(path)
 
 
 def test_text_that_is_not_utf_8_is_refused(folder):

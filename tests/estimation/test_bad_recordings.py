@@ -69,7 +69,7 @@ def test_held_out_outliers_are_told_apart_from_the_error_of_the_model(train, tes
     assert verdict.status == "PASS"
     assert "mean error on 40 poses that were held out, 38 of 40 points" in verdict.reasons[0]
     assert "samples 8, 13" in verdict.reasons[0]
-    assert verdict.reasons[1].startswith("4 of 70 training points were set aside: samples 5, 21,")
+    assert verdict.reasons[1].startswith("4 of 70 training points set aside: samples 5, 21,")
     again = judge_evaluation(result.model, spoiled_test, evaluate(result.model, spoiled_test))
     assert again.status == "PASS"
     assert "2 of 40 points are further off" in again.reasons[0]

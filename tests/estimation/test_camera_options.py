@@ -56,10 +56,10 @@ def test_a_name_without_a_camera_means_every_camera():
     [
         (
             "skeww",
-            r"parameter 'skeww', did you mean 'skew'\? There are: left.fx, left.fy",
+            r"parameter 'skeww', did you mean 'skew'\? There are skew, left.skew, right.skew",
         ),
         ("left.cz", r"no camera parameter 'left.cz', did you mean 'left.c[xy]'\?"),
-        ("quark", r"no camera parameter 'quark'. There are: left.fx"),
+        ("quark", r"no camera parameter 'quark'; there are left.fx"),
         ("right.pose", r"'right.pose', did you mean 'right.pose.\w+'\?"),
     ],
 )
@@ -197,13 +197,13 @@ def test_the_words_of_a_command_line_are_read():
         ({"pin": ["cx=left"]}, "--fix cx=left: 'left' is not a number"),
         ({"pin": ["cx="]}, "--fix cx=: '' is not a number"),
         ({"pin": ["cx=nan"]}, "'nan' is not a finite number"),
-        ({"prior": ["fx"]}, "--prior fx: give NAME=MEAN,SIGMA"),
-        ({"prior": ["fx=3"]}, "--prior fx=3: give NAME=MEAN,SIGMA"),
+        ({"prior": ["fx"]}, "--prior must be NAME=MEAN,SIGMA, got fx"),
+        ({"prior": ["fx=3"]}, "--prior must be NAME=MEAN,SIGMA, got fx=3"),
         ({"prior": ["fx=3,wide"]}, "'wide' is not a number"),
         ({"prior": ["fx=3,0"]}, "--prior fx=3,0: sigma must be positive"),
         ({"prior": ["fx=3,-1"]}, "sigma must be positive"),
         ({"prior": ["fx=3,inf"]}, "'inf' is not a finite number"),
-        ({"pin": ["k3", "skew"], "free": ["skew"]}, "skew cannot be both pinned and freed"),
+        ({"pin": ["k3", "skew"], "free": ["skew"]}, "skew: fixed and freed at once"),
     ],
 )
 def test_words_that_make_no_sense_are_refused(words, message):

@@ -186,7 +186,7 @@ def test_a_joint_that_hardly_moved_is_unobservable(make_truth):
 
 @pytest.mark.parametrize(
     ("name", "hint"),
-    [("joint_1.gaer", "did you mean 'joint_1.gear'"), ("knee", "There are: M0.x")],
+    [("joint_1.gaer", "did you mean 'joint_1.gear'"), ("knee", "there are M0.x")],
 )
 def test_an_unknown_name_is_answered_with_a_suggestion(make_truth, learn, name, hint):
     truth = make_truth(3, 2)
@@ -201,7 +201,7 @@ def test_an_unknown_name_is_answered_with_a_suggestion(make_truth, learn, name, 
         (["a.r=long"], [], "--fix a.r=long: 'long' is not a number"),
         (["a.r="], [], "'' is not a number"),
         (["a.r=nan"], [], "not a finite number"),
-        (["a.r"], ["a.r"], "a.r cannot be both pinned and freed"),
+        (["a.r"], ["a.r"], "a.r: fixed and freed at once"),
     ],
 )
 def test_words_that_make_no_sense_are_refused(pin, free, message):

@@ -30,7 +30,10 @@ def test_sockets_devices_and_folders_are_refused(tmp_path, monkeypatch):
         listening.bind("s.png")
         with pytest.raises(DataError, match=r"is a socket, a file was expected"):
             read_bytes(tmp_path / "s.png", 100)
-    for path, words in ((tmp_path, "Is a directory"), (tmp_path.joinpath("/dev/zero"), "a device")):
+    for path, words in (
+        (tmp_path, "is a folder, a file was expected"),
+        (tmp_path.joinpath("/dev/zero"), "a device"),
+    ):
         with pytest.raises(DataError, match=words):
             read_bytes(path, 100)
 

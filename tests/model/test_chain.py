@@ -166,7 +166,7 @@ def test_a_chain_that_is_none_is_refused(change, message):
 def test_wrong_questions_are_answered_with_what_there_is(make_chain):
     chain = make_chain(["generic"], 1, markers=2)
     assert chain.marker_index("marker_1") == 1
-    with pytest.raises(ValueError, match="no marker 'thumb'; the chain has marker_0, marker_1"):
+    with pytest.raises(ValueError, match="no marker 'thumb'; there are marker_0, marker_1"):
         chain.marker_index("thumb")
     with pytest.raises(ValueError, match=r"q must have shape \(N, 2\), got \(4, 3\)"):
         chain.forward(np.zeros((4, 3)))

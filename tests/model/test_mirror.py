@@ -257,7 +257,7 @@ def test_a_mirror_that_was_not_learned_is_named():
     cameras = {"left": RIG.left, "right": RIG.right}
     with pytest.raises(ModelError, match="calibrate mirror"):
         SelfModel("cameras", cameras=cameras).mirror_rig("glass")
-    with pytest.raises(ModelError, match="there are: wall"):
+    with pytest.raises(ModelError, match="there are wall"):
         SelfModel("cameras", cameras=cameras, mirrors={"wall": mirror_at()}).mirror_rig("glass")
     with pytest.raises(ModelError, match="no pair of cameras"):
         SelfModel("unobservable", mirrors={"wall": mirror_at()}).mirror_rig("wall")

@@ -77,7 +77,7 @@ def test_a_wrong_question_names_the_right_ones(model):
         model.predict(np.zeros((5, 3)))
     with pytest.raises(ValueError, match=r"got \(2, 5, 4\)"):
         model.predict(np.zeros((2, 5, 4)))
-    with pytest.raises(ValueError, match="no marker 'thumb'; the chain has marker_0, marker_1"):
+    with pytest.raises(ValueError, match="no marker 'thumb'; there are marker_0, marker_1"):
         model.predict(np.zeros((5, 4)), "thumb")
 
 

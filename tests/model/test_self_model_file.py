@@ -243,7 +243,7 @@ def test_garbage_is_refused_in_one_line(tmp_path, content):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(ModelError, match=r"nowhere\.yaml does not exist"):
         load_model(tmp_path / "nowhere.yaml")
-    with pytest.raises(ModelError, match=r"self_model\.yaml does not exist"):
+    with pytest.raises(ModelError, match=r"is empty; .* with self_model\.yaml"):
         load_model(tmp_path)
 
 

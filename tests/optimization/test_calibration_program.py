@@ -58,7 +58,7 @@ def test_variables_that_make_no_sense_are_refused(decay, names, start, message):
     ],
 )
 def test_an_unknown_name_is_answered_with_the_known_ones(decay, call):
-    with pytest.raises(ValueError, match="no parameter 'wdith'; there are: height, rate"):
+    with pytest.raises(ValueError, match="no parameter 'wdith'; there are height, rate"):
         call(decay)
 
 

@@ -142,6 +142,6 @@ def test_another_format_is_refused(tmp_path):
 
 def test_a_self_model_of_other_joints_is_refused(describe):
     with pytest.raises(
-        ModelError, match="the self-model has the joints a, b, the chain from chest"
+        ModelError, match="the self-model has the joints a, b, and the chain from chest"
     ):
         describe("neck").check_joints(("a", "b"))

@@ -254,7 +254,7 @@ def test_what_does_not_fit_is_refused(describe, learn):
         robot.write(context, learn(other))
     with pytest.raises(ValueError, match="context belongs to another plant"):
         robot.write(SelfModelPlant.from_urdf(neck).plant.CreateDefaultContext(), model)
-    with pytest.raises(ValueError, match="no marker 'toe'; the plant has hand"):
+    with pytest.raises(ValueError, match="no marker 'toe'; there are hand"):
         robot.tracked_point_frame("toe")
     with pytest.raises(ValueError, match=r"q must have shape \(4,\), got \(3,\)"):
         robot.set_joint_angles(context, [0.0, 0.0, 0.0])

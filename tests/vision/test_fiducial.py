@@ -137,7 +137,7 @@ def test_markers_that_are_their_own_mirror_images_are_known():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda image: find_fiducials(image, "apriltag"), "families are apriltag_16h5"),
+        (lambda image: find_fiducials(image, "apriltag"), "There are apriltag_25h9"),
         (lambda image: find_fiducial(image, marker=587), "ids 0 to 586, got 587"),
         (lambda image: find_fiducials(image.astype(float)), "8 bits"),
         (lambda image: find_fiducials(image[..., :2]), "shape"),

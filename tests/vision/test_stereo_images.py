@@ -104,7 +104,7 @@ def test_a_spoilt_folder_is_refused_in_words(folder, change, message):
 
 
 def test_a_missing_folder_is_named(tmp_path):
-    with pytest.raises(DataError, match="nowhere: there is no such folder"):
+    with pytest.raises(DataError, match="nowhere does not exist; a folder of images"):
         stereo_pairs(tmp_path / "nowhere")
     with pytest.raises(DataError, match=r"no images left\*.png"):
         camera_images(tmp_path, "left")

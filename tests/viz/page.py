@@ -14,7 +14,7 @@ class Page(HTMLParser):
     def __init__(self, text):
         super().__init__()
         self.tags, self.words, self.values = [], [], []
-        self.feed(text)
+        self.feed(text.replace("<wbr>", ""))  # where a word may break
 
     def handle_starttag(self, tag, attrs):
         self.tags.append((tag, dict(attrs)))

@@ -52,7 +52,7 @@ def test_the_scene_can_be_drawn_again_without_learning(written, calibration):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (None, "does not exist: give the folder"),
+        (None, "is empty; expected a result folder with scene"),
         (b"{", "not valid JSON"),
         (b"\xff", "cannot be read"),
     ],

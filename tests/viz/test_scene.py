@@ -137,7 +137,7 @@ def test_what_is_no_scene_is_refused(text, message):
 def test_an_unknown_item_in_a_file_is_refused():
     document = json.loads(scene_of(*every_item()).to_json())
     document["items"][0]["kind"] = "teapot"
-    with pytest.raises(ModelError, match="no item 'teapot'; there are markers"):
+    with pytest.raises(ModelError, match="no item 'teapot'; there are tube"):
         Scene.from_json(json.dumps(document))
 
 

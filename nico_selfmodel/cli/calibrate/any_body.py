@@ -52,10 +52,10 @@ def calibrate(
 ) -> NoReturn:
     """Learn a body from poses and observations, and leave a result folder."""
     from nico_selfmodel.estimation.bending.what_bends import effects_of, up_of
-    from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
+    from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters, priors_of
     from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
     from nico_selfmodel.estimation.tree.tree_result import body_model
-    from nico_selfmodel.estimation.tree.tree_setup import Wishes, priors_of, robot_sigmas_of
+    from nico_selfmodel.estimation.tree.tree_setup import Wishes, robot_sigmas_of
     from nico_selfmodel.files.whole import refuse_folder
 
     inputs_read = [dataset, held_out.test, robot, known.cameras, boards]
@@ -198,8 +198,8 @@ def _lenses(path: Path | None, data: "BodyDataset") -> "dict[str, Camera]":
     seeing = [sensor.name for sensor in data.sensors if sensor.kind == CAMERA]
     if not set(lenses) & set(seeing):
         raise DataError(
-            f"--cameras {path} holds the cameras {listed(lenses) or 'none'}, data set "
-            f"{data.name!r} has {listed(seeing) or 'none'}: they are matched by name"
+            f"--cameras {path} has the cameras: {listed(lenses) or 'none'}; data set "
+            f"{data.name!r}: {listed(seeing) or 'none'}: they are matched by name"
         )
     return lenses
 

@@ -86,7 +86,7 @@ def calibrate(
     inputs.refuse_untested(bounds, held_out)
     pins = FixedParameters.from_text(fixed.fix or (), fixed.free or ())
     may_bend, vertical = effects_of(bends.effects), up_of(bends.up)
-    chosen = BodyOptions(choices.stage, choices.variant, pins.pinned, pins.freed, choices.loss)
+    chosen = BodyOptions(choices.stage, choices.variant, pins, choices.loss)
     start = load_model(choices.model)
     train, test = inputs.train_and_test(dataset, held_out)
     with printer.progress_bar() as progress:

@@ -75,8 +75,8 @@ def _is_any_body(context: typer.Context, dataset: Path) -> bool:
 
     found = is_body_dataset(dataset)
     if found:
-        why = f"{dataset} is of any body; they are for an arm and two cameras (samples.csv)"
+        why = f"{dataset} is of any body; such options are for an arm and two cameras"
     else:
-        why = f"{dataset} is of an arm and two cameras; they are for any body (observations.csv)"
+        why = f"{dataset} is of an arm and two cameras; such options are for any body"
     options.refuse_given(context, _OF_TWO_CAMERAS if found else _OF_ANY_BODY, why)
     return found

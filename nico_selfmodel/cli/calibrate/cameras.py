@@ -39,7 +39,10 @@ def cameras(
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Learn a rig of cameras from photographs of a board, of which two or more see it at once."""
+    """Learn a rig of cameras from photographs of a board.
+
+    Two cameras or more see the board at once.
+    """
     from nico_selfmodel.vision.boards.board_images import images_by_folder, images_by_name
 
     if (images is None) == (not of_camera):

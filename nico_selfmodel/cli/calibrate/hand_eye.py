@@ -13,9 +13,10 @@ def hand_eye(
     known: any_body.Known,
     bounds: groups.Bounds,
 ) -> None:
-    """Learn where a sensor and its target are from flange poses (AX = XB), with error bars.
+    """Learn where a sensor is from flange poses (AX = XB).
 
-    The data set has a joint with `motion: flange`, and a sensor that tells whole poses of a target.
+    Where its target is comes with it, both with error bars. The data set has a joint with `motion:
+    flange`, and a sensor that tells whole poses of a target.
     """
     from nico_selfmodel.dataset.body.body_folder import load_body_dataset
     from nico_selfmodel.errors import DataError

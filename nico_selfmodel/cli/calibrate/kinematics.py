@@ -6,6 +6,7 @@ from nico_selfmodel.cli import inputs, options, printer
 from nico_selfmodel.cli import option_groups as groups
 from nico_selfmodel.cli.calibrate.arm_task import ArmTask, Search
 from nico_selfmodel.cli.result_files import command_line
+from nico_selfmodel.files.whole import RESULT_FILE
 
 
 def kinematics(
@@ -20,11 +21,11 @@ def kinematics(
     processes: options.Processes = 1,
     dask: options.Dask = None,
 ) -> None:
-    """Learn an arm from encoder readings and measured points of the hand.
+    """Learn an arm from encoder readings and points of the hand.
 
-    With --cameras it learns from the hand's pixels, in the left camera's frame. Of several data
-    sets, or of folders that hold some, it makes one folder with a result for each and one table; a
-    robot a folder is many robots at once.
+    The points are those that motion capture measured. With --cameras it learns from the hand's
+    pixels, in the left camera's frame. Of several data sets, or of folders that hold some, it makes
+    one folder with a result for each and one table; a robot a folder is many robots at once.
     """
     from nico_selfmodel.files.whole import refuse_folder
 
@@ -58,6 +59,6 @@ def kinematics(
 
 def _holds_data_sets(folder: Path) -> bool:
     """Whether a folder is no data set, but has some in it."""
-    if (folder / "dataset.yaml").exists() or (folder / "samples.csv").exists():
+    if any((folder / name).exists() for name in ("dataset.yaml", "samples.csv", RESULT_FILE)):
         return False
     return next(folder.rglob("samples.csv"), None) is not None

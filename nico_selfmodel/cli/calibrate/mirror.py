@@ -27,7 +27,7 @@ def mirror(
     name: options.ModelName = None,
     require_test_px: options.RequireTestPx = None,
 ) -> None:
-    """Learn where mirrors stand from poses in which the cameras saw the hand in them.
+    """Learn where mirrors stand from the hand seen in them.
 
     The model has arm and cameras; rows of the data set name their mirror. A body whose head moves
     learns planes that stand still, from a recording of poses and observations.

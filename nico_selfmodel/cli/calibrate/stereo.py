@@ -42,7 +42,10 @@ def stereo(
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Learn a pair of cameras from pairs of photographs, left* and right*, of a board."""
+    """Learn a pair of cameras from photographs of a board.
+
+    In a folder they are called left* and right*, and paired by what follows.
+    """
     pairs, folder = _pairs(images, left, right)
     if swap_cameras:
         pairs = [(view, right, left) for view, left, right in pairs]

@@ -25,7 +25,7 @@ def tool(
     sensor: options.DataSensor = "auto",
     loss: options.Loss = "trimmed",
 ) -> None:
-    """Make a tool in the hand part of the body: three numbers, from three poses on.
+    """Make a tool in the hand part of the body, by three poses.
 
     Of a body of any tree the recording lists the tip as a marker on the link that holds it.
     """

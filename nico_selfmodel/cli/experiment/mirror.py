@@ -14,10 +14,11 @@ def mirror(
     imperfections: options.Imperfections = "thesis",
     seed: options.FirstSeed = 0,
 ) -> None:
-    """Learn three mirrors from 10 to 50 poses and predict the hand in them (chapter 9).
+    """The hand in three learned mirrors (chapter 9).
 
-    Of 5 robots, or one with --rendered, which takes --imperfections; otherwise the noise of the
-    joints and of the tracked marker, 0.3 px, are all there is.
+    They are learned from 10 to 50 poses. Of 5 robots, or one with --rendered, which takes
+    --imperfections; otherwise the noise of the joints and of the tracked marker, 0.3 px, are all
+    there is.
     """
     from nico_selfmodel.experiments.mirror import run_mirror
     from nico_selfmodel.experiments.mirror_report import report_of

@@ -30,25 +30,16 @@ def mirror_test(
     imperfections: options.Imperfections = "thesis",
     seed: options.FirstSeed = 0,
 ) -> None:
-    """Is it me, do I look as I expect, what is that mark? The mirror test (chapter 10).
+    """Is it me? What is that mark? The mirror test (chapter 10).
 
-    First a robot that has learned its cameras and an arm of six joints starts and stops its arm at
-    random before a mirror, another robot, one that repeats its motion 5 to 0.1 s late, or nobody,
-    and says `self`, `not me`, `nobody` or `cannot tell`; and of a mirror, a live picture of itself
-    and a twin that imitates it at once, what each is by where it is. Then it learns where two
-    mirrors stand that it has never looked into, how it stands before them, and in more of them the
-    shape of head and chest. It compares these, unmarked, with what it expects to see, in light of
-    -10 to +10 %. Then somebody paints a mark of 10 mm on head or chest, or does not, or paints the
-    glass or another robot, and the robot says what is on it and where. Then the finger goes to
-    marks that were found, or the robot says that they are out of reach. FAIL, with exit code 1, if
-    a verdict is wrong or late, a mirror is bent, dirty, ends before the body or is more than 0.1
-    deg or 0.5 mm off, a shape is more than 2 mm off in the middle or does not know how far, an
-    unmarked body surprises in more than one look of a hundred, five of a hundred marks are missed,
-    a control is answered wrongly, places are off by more than 3 mm in the middle, a tenth of the
-    marks in reach is not touched, or anything but the finger touches the body; a PASS takes 100
-    trials, 5 robots, 10 mirrors, 100 looks, 104 marks and 20 of them in reach. One that fails is
-    the last, but for the shape, which nothing rests on. Some 10 s a trial and a mark, 3 s a look,
-    2 s for each of 50 other ways, and 11 minutes a robot.
+    A robot that has learned its cameras and an arm of six joints tells mirrors from other robots,
+    from late and live pictures of itself and from a twin; learns where mirrors stand, and in them
+    the shape of head and chest; looks for what surprises about its body, unmarked, marked, or with
+    marks on the glass or on another robot; and puts its finger on the marks that it found. FAIL,
+    with exit code 1, where a stage misses a bound: docs/mirror_test.md has them all. A PASS takes
+    100 trials, 5 robots, 10 mirrors, 100 looks, 104 marks and 20 of them in reach. A stage that
+    fails is the last, but for the shape, which nothing rests on. Some 10 s a trial and a mark, 3 s
+    a look, 2 s for each of 50 other ways, and 11 minutes a robot.
     """
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named

@@ -20,7 +20,7 @@ def motion_capture(
     processes: options.Processes = 1,
     dask: options.Dask = None,
 ) -> None:
-    """Learn an arm under motion capture from few and from many samples (chapter 6)."""
+    """An arm from few and from many samples (chapter 6)."""
     from nico_selfmodel.experiments.motion_capture import run_motion_capture
     from nico_selfmodel.experiments.motion_capture_report import report_of
     from nico_selfmodel.files.whole import refuse_folder

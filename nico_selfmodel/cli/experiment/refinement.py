@@ -21,7 +21,10 @@ def refinement(
     ] = None,
     seed: options.FirstSeed = 0,
 ) -> None:
-    """Jointly refine arm and cameras, as published and anchored to boards (chapter 8)."""
+    """Arm and cameras refined together (chapter 8).
+
+    As published, and anchored to boards.
+    """
     from nico_selfmodel.experiments.refinement import run_refinement
     from nico_selfmodel.experiments.refinement_report import report_of
     from nico_selfmodel.files.whole import refuse_folder

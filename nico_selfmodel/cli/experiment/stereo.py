@@ -11,7 +11,7 @@ def stereo(
     pixel_sigma: options.PixelSigma = 0.2,
     seed: options.FirstSeed = 0,
 ) -> None:
-    """Learn a pair of cameras with several lens models and numbers of boards (chapters 5, 8)."""
+    """Cameras from few and from many boards (chapters 5 and 8)."""
     from nico_selfmodel.experiments.stereo import report_of, run_stereo
     from nico_selfmodel.files.whole import refuse_folder
 

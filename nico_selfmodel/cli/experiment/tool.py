@@ -15,7 +15,10 @@ def tool(
     rendered: options.Rendered = False,
     seed: options.FirstSeed = 0,
 ) -> None:
-    """Take a tool, and restart the encoders (section 8.4.4)."""
+    """A tool in the hand, and encoders restarted (chapter 8).
+
+    Section 8.4.4.
+    """
     from nico_selfmodel.experiments.tool_report import report_of
     from nico_selfmodel.experiments.tool_use import run_tool
     from nico_selfmodel.files.whole import refuse_folder

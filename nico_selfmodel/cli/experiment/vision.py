@@ -11,7 +11,10 @@ def vision(
     robots: options.Robots = 3,
     seed: options.FirstSeed = 0,
 ) -> None:
-    """Learn cameras and arm through rendered pictures (chapter 7); minutes a robot."""
+    """Cameras and arm through rendered pictures (chapter 7).
+
+    Takes minutes a robot.
+    """
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 

@@ -10,6 +10,7 @@ import typer
 from nico_selfmodel.cli import inputs, options, printer
 from nico_selfmodel.cli import option_groups as groups
 from nico_selfmodel.cli.result_files import judged_document, write_with_report
+from nico_selfmodel.names import refuse_unknown
 
 if TYPE_CHECKING:
     from nico_selfmodel.plant import ArmDescription
@@ -60,7 +61,11 @@ def learn(
         ),
     ] = False,
 ) -> None:
-    """Let a simulated robot watch its hand move; it learns cameras, arm, then both together."""
+    """Let a simulated robot learn its body by watching its hand.
+
+    It looks at a chessboard, moves every joint before its cameras, and learns the cameras, the arm,
+    and then both together.
+    """
     from nico_selfmodel.files.whole import refuse_folder
 
     refuse_folder(output.out, force=output.force)
@@ -107,8 +112,7 @@ def _chosen_sensor(sensor: str | None, elsewhere: bool) -> str:
     """Return who watches; refuse cameras that another robot or arm does not have."""
     if sensor is None:
         return "motion-capture" if elsewhere else _cameras_or_else()
-    if sensor not in SENSORS:
-        raise ValueError(f"no sensor {sensor!r}; there are {', '.join(SENSORS)}")
+    refuse_unknown("sensor", sensor, SENSORS)
     if elsewhere and sensor != "motion-capture":
         raise ValueError(
             f"--sensor {sensor} is for Nico's own right arm: leave out the options that choose "

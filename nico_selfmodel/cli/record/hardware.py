@@ -1,7 +1,7 @@
 """`nico-selfmodel record --port`: the same recording, with real servos."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -9,6 +9,7 @@ import typer
 from nico_selfmodel.cli import inputs, options, printer
 from nico_selfmodel.cli.option_groups import Chain, OptionGroup
 from nico_selfmodel.cli.servo.opening import ask, speed_of
+from nico_selfmodel.names import listed
 
 if TYPE_CHECKING:
     from nico_selfmodel.cli.record.request import Request
@@ -69,8 +70,11 @@ class Hardware(OptionGroup):
             ValueError: If options contradict each other.
         """
         if self.port is None:
-            if self != Hardware():
-                raise ValueError("options of a real robot need --port, its serial port")
+            if given := self._given():
+                raise ValueError(
+                    f"{given}: for a real robot, whose serial port --port names; a simulated one "
+                    "is recorded without, another arm by `simulate motion-capture`"
+                )
             return False
         if imperfections != "thesis":
             raise ValueError("--imperfections is about simulated robots: leave it out with --port")
@@ -80,6 +84,15 @@ class Hardware(OptionGroup):
                 "program as left01.png and right01.png, then run calibrate stereo"
             )
         return True
+
+    def _given(self) -> str:
+        """Return the options that were given, as a message lists them."""
+        names = [field.name for field in fields(self)]
+        return listed(
+            f"--{name.replace('_', '-')}"
+            for name in names
+            if getattr(self, name) != getattr(_NOTHING, name)
+        )
 
     def refuse_arm(self, why: str) -> None:
         """Refuse options that choose an arm.
@@ -92,6 +105,10 @@ class Hardware(OptionGroup):
                  if value is not None]  # fmt: skip
         if given:
             raise ValueError(f"{', '.join(given)}: {why}, leave it out")
+
+
+_NOTHING = Hardware()
+"""What is there where no option was given."""
 
 
 def record_hardware(request: "Request", hardware: Hardware) -> "Dataset":

@@ -32,12 +32,12 @@ def record(
         typer.Option("--room", help="Where cards of markers hang (nico-cards/1), with --head."),
     ] = None,
 ) -> None:
-    """Move a simulated Nico, or a real robot (--port), and record what is seen.
+    """Record a simulated Nico, or a real robot (--port).
 
-    Motion capture watches any arm (--robot, of a URDF with --base and --tip), cameras Nico's.
-    An interrupted recording goes on. With --head, or --cameras a body (body.yaml), a whole Nico
-    is recorded that looks about a room and, --random times, at each of its hands; with --mirror at
-    its hands in each mirror.
+    Motion capture watches any arm (--robot, of a URDF with --base and --tip), cameras Nico's. An
+    interrupted recording goes on. With --head, or --cameras a body (body.yaml), a whole Nico is
+    recorded that looks about a room and, --random times, at each of its hands; with --mirror at its
+    hands in each mirror.
     """
     from nico_selfmodel.files.whole import refuse_existing
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named

@@ -8,6 +8,7 @@ import typer
 
 from nico_selfmodel.cli import options
 from nico_selfmodel.cli.option_groups import OptionGroup
+from nico_selfmodel.names import refuse_unknown
 
 SENSORS = ("motion-capture", "stereo-fiducial", "stereo-color", "chessboard")
 MIRROR_POSES = 20
@@ -87,8 +88,7 @@ class Request(OptionGroup):
             ValueError: If the sensor does not exist, or options do not go together.
         """
         sensor = self.sensor
-        if sensor not in SENSORS:
-            raise ValueError(f"no sensor {sensor!r}; there are {', '.join(SENSORS)}")
+        refuse_unknown("sensor", sensor, SENSORS)
         if self.poses is not None and (sensor == "chessboard" or self.mirrors):
             raise ValueError(
                 "--poses moves the arm before motion capture or cameras, without a mirror"

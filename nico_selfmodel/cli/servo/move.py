@@ -24,7 +24,7 @@ def move(
     yes: options.Yes = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Move one joint to an angle in degrees and hold it there; Ctrl-C stops it."""
+    """Move one joint to an angle and hold it there; Ctrl-C stops it."""
     with opened(port, config, model, trust_zero=trust_zero) as arm:
         arm.connect()
         arm.check_targets({joint: math.radians(angle)})

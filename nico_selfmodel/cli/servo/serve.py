@@ -19,7 +19,10 @@ def serve(
     ] = 4747,
     trust_zero: options.TrustZero = False,
 ) -> None:
-    """Let other processes of this machine read the arm, and one at a time command it."""
+    """Let other processes of this machine read and command the arm.
+
+    All may read it, one at a time commands it.
+    """
     from nico_selfmodel.servos import ArmLoop, MotorServer
 
     arm = opened(port, config, model, trust_zero=trust_zero)

@@ -33,7 +33,7 @@ def simulate(
     session: options.Session = 0,
     seconds: options.Seconds = None,
 ) -> None:
-    """Simulate a bus and print the port to connect to; runs until Ctrl-C."""
+    """Simulate a bus and print its port; runs until Ctrl-C."""
     from nico_selfmodel.servos import SimulatedBus
     from nico_selfmodel.servos.arm.servo_config_file import load_servo_config
     from nico_selfmodel.servos.drivers import simulated_motors

@@ -19,7 +19,7 @@ def stop(
     ] = False,
     yes: options.Yes = False,
 ) -> None:
-    """Stop every joint smoothly; the joints that were on go on holding."""
+    """Stop every joint; the joints that were on go on holding."""
     from nico_selfmodel.errors import RobotError
 
     if release:

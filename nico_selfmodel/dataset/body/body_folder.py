@@ -24,6 +24,7 @@ from nico_selfmodel.dataset.columns import APPROACH, ENCODER
 from nico_selfmodel.dataset.csv_table import CsvTable
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.csv_cells import number_cells, table_text, text_cells
+from nico_selfmodel.files.folder_contents import found_at
 from nico_selfmodel.files.reading import real_path
 from nico_selfmodel.files.whole import folder_in_place_of, refuse_existing
 from nico_selfmodel.files.yaml_mapping import (
@@ -64,9 +65,17 @@ def load_body_dataset(folder: str | PathLike[str]) -> BodyDataset:
         DataError: If anything is missing, not valid or not plausible; names file, line and column.
     """
     folder = Path(folder)
+    if not any((folder / name).is_file() for name in FILES[1:]):
+        makes = f"; `nico-selfmodel convert {folder} --out {folder}_recording` makes one of it"
+        raise DataError(
+            f"{found_at(folder)}; a recording of any body is a folder with "
+            f"{listed(FILES)}{makes if (folder / 'samples.csv').is_file() else ''}"
+        )
     for name in FILES:
         if not (folder / name).is_file():
-            raise DataError(f"{folder}: {name} is missing; a body's data set has {listed(FILES)}")
+            raise DataError(
+                f"{folder}: {name} is missing; a recording of any body has {listed(FILES)}"
+            )
     head = _read_head(folder / FILES[0])
     poses = CsvTable.read(folder / FILES[1])
     sample = poses.integers("sample")

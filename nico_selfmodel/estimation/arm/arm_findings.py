@@ -145,7 +145,7 @@ def _held_out_words(calibration: KinematicCalibration, test: Evaluation) -> str:
     if not wrong.any():
         return f"{_rounded(mean)} mm mean error on {where}"
     worst, which = 1e3 * test.distances[wrong].max(), describe_outliers(test.observations, wrong)
-    far = f"{wrong.sum()} of {len(wrong)} points are up to {worst:.3g} mm off ({which})"
+    far = f"{wrong.sum()} of {len(wrong)} points up to {worst:.3g} mm off ({which})"
     if wrong.all():
         return f"{_rounded(mean)} mm mean error on {where}; {far}"
     good = 1e3 * test.distances[~wrong].mean()
@@ -154,8 +154,8 @@ def _held_out_words(calibration: KinematicCalibration, test: Evaluation) -> str:
         return f"{_rounded(mean)} mm mean error on {where}; {far}, {without}"
     return (
         f"{_rounded(good)} mm mean error on {where}, {len(wrong) - wrong.sum()} of {len(wrong)} "
-        f"points; the other {wrong.sum()} are up to {worst:.3g} mm off, which no noise explains "
-        f"({which}): {mean:.2f} mm with them"
+        f"points; what is left is up to {worst:.3g} mm off, which no noise explains ({which}): "
+        f"{mean:.2f} mm with it"
     )
 
 
@@ -184,7 +184,7 @@ def _set_aside_words(calibration: KinematicCalibration) -> list[str]:
     if not wrong.any():
         return []
     which = describe_outliers(rows, wrong)
-    return [f"{wrong.sum()} of {len(rows)} training points were set aside: {which}"]
+    return [f"{wrong.sum()} of {len(rows)} training points set aside: {which}"]
 
 
 def _starts_reason(calibration: KinematicCalibration) -> str | None:

@@ -195,6 +195,13 @@ class KinematicTask:
             DataError: If not.
         """
         observations = self.observations
+        unknown = self.unknowns - sum(not name.endswith(".gear") for name in pins.pinned)
+        if 3 * len(observations) < unknown:
+            raise DataError(
+                f"data set {self.dataset.name!r} has {len(observations)} measured points to learn "
+                f"from, which give {3 * len(observations)} equations for {unknown} parameters: "
+                f"record at least {-(-unknown // 3)} points, hold out fewer, or fix parameters"
+            )
         if observations.size <= 1e-9:
             raise DataError(
                 f"the measured points of data set {self.dataset.name!r} do not move: they all "
@@ -211,13 +218,6 @@ class KinematicTask:
             raise DataError(
                 f"{listed(still)} never moved in data set {self.dataset.name!r}: move every "
                 "joint of the chain, or leave it out of the data set"
-            )
-        unknown = self.unknowns - sum(not name.endswith(".gear") for name in pins.pinned)
-        if 3 * len(observations) < unknown:
-            raise DataError(
-                f"data set {self.dataset.name!r} has {len(observations)} measured points, which "
-                f"give {3 * len(observations)} equations for {unknown} parameters: record at "
-                f"least {-(-unknown // 3)} points, or pin parameters"
             )
 
 

@@ -16,7 +16,7 @@ from nico_selfmodel.files.csv_rows import number_of_word
 from nico_selfmodel.model.arm.bending import EFFECTS, Bending
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.arm.loaded_posture import loaded
-from nico_selfmodel.names import did_you_mean
+from nico_selfmodel.names import refuse_unknown
 
 WORDS = {
     "sag": "joints sag",
@@ -173,11 +173,7 @@ def effects_of(text: str) -> tuple[str, ...]:
         return ()
     words = [word.strip() for word in text.split(",")]
     for word in words:
-        if word not in STEPS:
-            hint = did_you_mean(word, STEPS) or "."
-            raise ValueError(
-                f"--effects: no effect {word!r}{hint} There are auto, none, {', '.join(STEPS)}"
-            )
+        refuse_unknown("effect", word, ("auto", "none", *STEPS))
     return tuple(effect for effect in STEPS if effect in words)
 
 

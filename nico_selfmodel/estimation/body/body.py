@@ -53,7 +53,6 @@ from nico_selfmodel.estimation.observations.pixel_evaluation import (
     evaluate_pixels,
 )
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
-from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.results.provenance import data_named, package_versions
 from nico_selfmodel.estimation.tree.bending_tree import TreeBend
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
@@ -110,7 +109,7 @@ def calibrate_body(
     clock, options = time.perf_counter(), options or BodyOptions()
     test = None if test is None else held_out_of(dataset, test)
     _require_boards(options, boards)
-    pinned = frozenset(options.pinned)
+    pinned = frozenset(options.pins.pinned)
     start, dataset, label = body_start(dataset, start, nominal, seed, pinned)
     observations = PixelObservations.from_dataset(dataset)
     boards, outlying = _inlier_boards(boards, start.rig)
@@ -214,10 +213,7 @@ class _Task:
         self.options, self.anchored = options, boards is not None
         self.gear_known = gears_known(observations.arm.units)
         self.held_cameras = options.held_cameras(start.rig)
-        self.pins = FixedParameters(
-            {n: v for n, v in options.pinned.items() if n in options.arm_names},
-            options.freed & options.arm_names,
-        )
+        self.pins = options.arm_pins
         self.pins.check(start.parameters)
         self.alone = SeenBody.of(observations, dataset, None)
         self.seen = self.alone if boards is None else SeenBody.of(observations, dataset, boards)

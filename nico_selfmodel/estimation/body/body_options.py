@@ -4,9 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from nico_selfmodel.estimation.cameras.camera_options import HELD_BY_DEFAULT, by_full_name
+from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.model.cameras.projection import EVERY_INTRINSIC, RATIONAL
 from nico_selfmodel.model.cameras.rig_parameters import SIDES, rig_names
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.names import refuse_unknown
 
 STAGES = ("kinematics", "intrinsics-fixed", "full")
 """The thesis' three: the arm before pinned cameras; the right camera's pose too; lenses too."""
@@ -26,25 +28,16 @@ class BodyOptions:
     """One of `STAGES`."""
     variant: str = "anchored"
     """One of `VARIANTS`; stage `kinematics` is the same in all but for the whitening."""
-    pinned: Mapping[str, float | None] = field(default_factory=dict)
-    """Parameter -> value at which it is held; None holds it where the start has it."""
-    freed: frozenset[str] = frozenset()
-    """Parameters that move although they are held by default."""
+    pins: FixedParameters = field(default_factory=FixedParameters)
+    """What is held and what moves, beyond what does by default."""
     loss: str = "trimmed"
     """Of poses, one of `LOSSES`."""
 
     def __post_init__(self) -> None:
         """Check the choices."""
-        for word, known in (
-            (self.stage, STAGES),
-            (self.variant, VARIANTS),
-            (self.loss, LOSSES),
-        ):
-            if word not in known:
-                raise ValueError(f"no {word!r}; choose one of {', '.join(known)}")
-        both = set(self.pinned) & self.freed
-        if both:
-            raise ValueError(f"{', '.join(sorted(both))} cannot be both pinned and freed")
+        refuse_unknown("stage", self.stage, STAGES)
+        refuse_unknown("variant", self.variant, VARIANTS)
+        refuse_unknown("loss", self.loss, LOSSES)
 
     @property
     def anchored(self) -> bool:
@@ -67,8 +60,8 @@ class BodyOptions:
             ValueError: If an option names no parameter of the cameras.
         """
         names = rig.names
-        pinned = by_full_name(self._of_cameras(self.pinned), names)
-        freed = set(by_full_name(self._of_cameras(dict.fromkeys(self.freed)), names))
+        pinned = by_full_name(self._of_cameras(self.pins.pinned), names)
+        freed = set(by_full_name(self._of_cameras(dict.fromkeys(self.pins.freed)), names))
         held: dict[str, float | None] = dict.fromkeys(names)
         if self.stage != "kinematics":
             fixed = set(HELD_BY_DEFAULT)
@@ -91,10 +84,11 @@ class BodyOptions:
         return f"right.pose.{'xyz'[int(abs(place).argmax())]}"
 
     @property
-    def arm_names(self) -> frozenset[str]:
-        """Names mentioned that do not belong to the cameras."""
-        mentioned = set(self.pinned) | self.freed
-        return frozenset(mentioned - set(self._of_cameras(dict.fromkeys(mentioned))))
+    def arm_pins(self) -> FixedParameters:
+        """What of it does not belong to the cameras."""
+        of_cameras = set(self._of_cameras(dict.fromkeys(self.pins.names)))
+        pinned = {n: v for n, v in self.pins.pinned.items() if n not in of_cameras}
+        return FixedParameters(pinned, self.pins.freed - of_cameras)
 
     @staticmethod
     def _of_cameras(words: Mapping[str, float | None]) -> dict[str, float | None]:

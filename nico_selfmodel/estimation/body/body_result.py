@@ -149,8 +149,8 @@ def noise_words(document: Mapping[str, Any]) -> tuple[str, str]:
     words = []
     for name, unit in (("pixel_sigma_px", "px"), ("joint_sigma_deg", "deg")):
         known = document["noise_known_to"][name]
-        bar = "" if known is None else f" +- {known:.2f}"
-        words.append(f"{document[name]:.2f}{bar} {unit}")
+        bar = "" if known is None else f" +- {known:.1g}"
+        words.append(f"{document[name]:.3g}{bar} {unit}")
     return words[0], words[1]
 
 

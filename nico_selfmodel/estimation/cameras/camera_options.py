@@ -1,13 +1,13 @@
 """Which camera parameters are held, freed or given a prior."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-from nico_selfmodel.files.csv_rows import number_of_word
+from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters, priors_of
 from nico_selfmodel.model.cameras.projection import FISHEYE, LENSES, POLYNOMIAL
 from nico_selfmodel.model.cameras.rig_parameters import each_lens, rig_names
-from nico_selfmodel.names import did_you_mean, listed
+from nico_selfmodel.names import listed, refuse_unknown
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
 
 T = TypeVar("T")
@@ -40,13 +40,12 @@ class CameraOptions:
 
     def __post_init__(self) -> None:
         """Check what can be checked without the data."""
-        if self.loss not in ROBUST_METHODS:
-            raise ValueError(f"no loss {self.loss!r}; there are {', '.join(ROBUST_METHODS)}")
-        if isinstance(self.lens, str) and self.lens not in (AUTO, *LENSES):
-            raise ValueError(f"no lens {self.lens!r}; there are {AUTO}, {', '.join(LENSES)}")
-        for camera, lens in {} if isinstance(self.lens, str) else self.lens.items():
-            if lens not in LENSES:
-                raise ValueError(f"no lens {lens!r} of {camera!r}; there are {', '.join(LENSES)}")
+        refuse_unknown("loss", self.loss, ROBUST_METHODS)
+        if isinstance(self.lens, str):
+            refuse_unknown("lens", self.lens, (AUTO, *LENSES))
+        else:
+            for lens in self.lens.values():
+                refuse_unknown("lens", lens, LENSES)
         if self.aspect is not None and not self.aspect > 0.0:
             raise ValueError(f"aspect must be positive, got {self.aspect}")
 
@@ -69,28 +68,12 @@ class CameraOptions:
             **others: As they are.
 
         Raises:
-            ValueError: If a value is not a number, or a name is both pinned and freed.
+            ValueError: If a value is not a number, or a name is both fixed and freed.
         """
-        pinned = {}
-        for word in pin:
-            name, equals, value = word.partition("=")
-            pinned[name.strip()] = number_of_word(value, f"--fix {word}") if equals else None
-        priors = {}
-        for word in prior:
-            name, _, value = word.partition("=")
-            mean, comma, sigma = value.partition(",")
-            if not comma:
-                raise ValueError(f"--prior {word}: give NAME=MEAN,SIGMA")
-            priors[name.strip()] = tuple(
-                number_of_word(v, f"--prior {word}") for v in (mean, sigma)
-            )
-            if not priors[name.strip()][1] > 0.0:
-                raise ValueError(f"--prior {word}: sigma must be positive")
-        both = set(pinned) & set(free)
-        if both:
-            raise ValueError(f"{', '.join(sorted(both))} cannot be both pinned and freed")
+        chosen, priors = FixedParameters.from_text(pin, free), priors_of(prior)
         kind = _lens_of(lens)
-        return cls(pinned=pinned, freed=frozenset(free), priors=priors, lens=kind, **others)  # type: ignore[arg-type]
+        known = {"pinned": chosen.pinned, "freed": chosen.freed, "priors": priors}
+        return cls(**known, lens=kind, **others)  # type: ignore[arg-type]
 
     def lenses(self, cameras: Sequence[str]) -> tuple[str, ...]:
         """Return the lens of each of some cameras.
@@ -100,12 +83,8 @@ class CameraOptions:
         """
         if isinstance(self.lens, str):
             return each_lens(self.lens, len(cameras))
-        unknown = [name for name in self.lens if name not in cameras]
-        if unknown:
-            hint = did_you_mean(unknown[0], cameras) or "."
-            raise ValueError(
-                f"a lens is given of {unknown[0]!r}{hint} There are: {listed(cameras)}"
-            )
+        for name in self.lens:
+            refuse_unknown("camera", name, cameras)
         missing = [name for name in cameras if name not in self.lens]
         if missing:
             raise ValueError(
@@ -187,15 +166,9 @@ def by_full_name(chosen: Mapping[str, T], names: tuple[str, ...]) -> dict[str, T
         ValueError: If a name does not exist; the message suggests and lists those there are.
     """
     found: dict[str, T] = {}
+    inside = dict.fromkeys(name.partition(".")[2] for name in names)
     for word, value in chosen.items():
+        refuse_unknown("camera parameter", word, (*names, *inside))
         matching = [n for n in names if word in (n, n.partition(".")[2])]
-        if not matching:
-            raise ValueError(f"no camera parameter {word!r}{_hint(word, names)}")
         found |= dict.fromkeys(matching, value)
     return found
-
-
-def _hint(word: str, names: Iterable[str]) -> str:
-    names = list(names)
-    meant = did_you_mean(word, [*names, *(n.partition(".")[2] for n in names)]) or "."
-    return f"{meant} There are: {listed(names)}"

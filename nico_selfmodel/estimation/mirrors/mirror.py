@@ -32,7 +32,7 @@ from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Refle
 from nico_selfmodel.estimation.results.provenance import data_named, package_versions
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
-from nico_selfmodel.names import listed
+from nico_selfmodel.names import listed, refuse_unknown
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
 
 _ASSUMED_PIXEL_SIGMA = 1.0
@@ -121,8 +121,7 @@ def calibrate_mirrors(
         NotConvergedError: If no plane fits.
         ValueError: If the loss is unknown or `joint_sigma` negative.
     """
-    if loss not in ROBUST_METHODS:
-        raise ValueError(f"no loss {loss!r}; there are {', '.join(ROBUST_METHODS)}")
+    refuse_unknown("loss", loss, ROBUST_METHODS)
     began = time.perf_counter()
     test = None if test is None else held_out_of(dataset, test)
     noise = _noise_of(dataset, model, joint_sigma)

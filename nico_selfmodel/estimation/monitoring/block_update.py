@@ -16,6 +16,7 @@ from nico_selfmodel.estimation.noise.hand_observations import (
 from nico_selfmodel.estimation.results.unobservable_words import name_unobservable
 from nico_selfmodel.estimation.results.verdict import outliers_are_many
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
+from nico_selfmodel.names import refuse_unknown
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
 from nico_selfmodel.optimization.losses import Loss
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT, ROBUST_METHODS
@@ -231,8 +232,7 @@ def _solve(program: CalibrationProgram, number: int, loss: str) -> tuple[Program
     Returns:
         The solution, and which rows are outliers.
     """
-    if loss not in ROBUST_METHODS:
-        raise ValueError(f"no loss {loss!r}; there are {', '.join(ROBUST_METHODS)}")
+    refuse_unknown("loss", loss, ROBUST_METHODS)
     program.set_loss(number, Loss("cauchy" if loss == "trimmed" else loss))
     solution = program.solve()
     r = program.residuals(number, solution.x)

@@ -25,7 +25,7 @@ from nico_selfmodel.estimation.tree.tree_parameters import FRAME_PARTS, SHIFTS, 
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import PRISMATIC, REVOLUTE, WORLD, Attached, BodyTree
-from nico_selfmodel.names import listed
+from nico_selfmodel.names import listed, refuse_unknown
 
 _ZERO = {REVOLUTE: "rz", PRISMATIC: "z"}
 """Part of a joint's frame that is another zero of its encoder."""
@@ -211,8 +211,7 @@ def _lost(tree: BodyTree, joints: Sequence[str] | None) -> tuple[str, ...]:
         if tree.motions[i] in _ZERO and tree.coupling[i, i] == 1.0
     ]
     for joint in joints or ():
-        if joint not in tree.joints:
-            raise ValueError(f"no joint {joint!r}; there are {listed(tree.joints, joint)}")
+        refuse_unknown("joint", joint, tree.joints)
         if joint not in read:
             raise ValueError(f"joint {joint!r} has no encoder of its own, and so no zero")
     return tuple(joints or read)
@@ -222,8 +221,7 @@ def _tool_name(tree: BodyTree, data: BodyDataset, tool: str | None) -> str:
     """Return which marker of a recording is the tip."""
     listed_there = [marker.name for marker in data.markers]
     if tool is not None:
-        if tool not in listed_there:
-            raise ValueError(f"no marker {tool!r}; there are {listed(listed_there, tool)}")
+        refuse_unknown("marker", tool, listed_there)
         return tool
     new = [name for name in listed_there if name not in {m.name for m in tree.markers}]
     if len(new) != 1:

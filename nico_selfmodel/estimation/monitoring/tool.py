@@ -23,7 +23,7 @@ from nico_selfmodel.estimation.noise.hand_observations import HandObservations, 
 from nico_selfmodel.estimation.observations.parameter_scales import arm_size
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.names import listed
+from nico_selfmodel.names import listed, refuse_unknown
 
 _SPREAD = 3.0
 """The hand must move by this many times what one pose is uncertain by."""
@@ -184,9 +184,8 @@ def rezero(
     """
     clock = time.perf_counter()
     joints = joints or model.joints
-    unknown = [joint for joint in joints if joint not in model.joints]
-    if unknown:
-        raise ValueError(f"no joint {unknown[0]!r}; there are {listed(model.joints, unknown[0])}")
+    for joint in joints:
+        refuse_unknown("joint", joint, model.joints)
     observations = hand_observations_of(model, dataset, sensor)
     names = tuple(f"{joint}.theta_offset" for joint in joints)
     update = learn_block(model, observations, names, scales=np.ones(len(names)), loss=loss)

@@ -23,7 +23,7 @@ from nico_selfmodel.estimation.observations.pixel_observations import (
 from nico_selfmodel.model.arm.bending import BACKLASH
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.names import listed
+from nico_selfmodel.names import listed, refuse_unknown
 
 SENSORS = ("auto", "pixels", "points")
 """`auto`: pixels where the model has cameras and the data have pixels, else points."""
@@ -170,8 +170,7 @@ def by_pixels(model: SelfModel, dataset: Dataset, sensor: str = "auto") -> bool:
         ModelError: If there are nothing but pixels, and the model has no cameras.
         ValueError: If there is no such sensor.
     """
-    if sensor not in SENSORS:
-        raise ValueError(f"no sensor {sensor!r}; there are {', '.join(SENSORS)}")
+    refuse_unknown("sensor", sensor, SENSORS)
     has_pixels = bool(np.isfinite(dataset.pixels).any())
     has_cameras = set(model.cameras) == set(SIDES)
     if sensor == "auto" and has_pixels and not has_cameras and not dataset.measured.any():

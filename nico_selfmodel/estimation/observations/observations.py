@@ -62,7 +62,8 @@ class Observations:
         if not rows.size:
             raise DataError(
                 f"data set {dataset.name!r} has no measured point (x_m, y_m, z_m) of "
-                f"{listed(known) or 'any marker'}: kinematics needs positions"
+                f"{listed(known) or 'any marker'}: record them, or learn from pixels with known "
+                "cameras (--cameras)"
             )
         index = {name: i for i, name in enumerate(known)}
         units = servo_units(dataset)

@@ -1,11 +1,11 @@
-"""What the user holds fixed or lets move: `--fix NAME`, `--fix NAME=VALUE`, `--free NAME`."""
+"""What the user holds fixed, lets move or knows: `--fix NAME[=VALUE]`, `--free NAME`, `--prior`."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from nico_selfmodel.files.csv_rows import number_of_word
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
-from nico_selfmodel.names import did_you_mean, listed
+from nico_selfmodel.names import listed, refuse_unknown
 
 
 @dataclass(frozen=True)
@@ -22,16 +22,19 @@ class FixedParameters:
         """Read the command line's words.
 
         Raises:
-            ValueError: If a value is not a number or a name is both pinned and freed.
+            ValueError: If a value is not a number or a name is both fixed and freed.
         """
         pinned: dict[str, float | None] = {}
         for word in pin:
             name, equals, value = word.partition("=")
             pinned[name.strip()] = number_of_word(value, f"--fix {word}") if equals else None
-        both = set(pinned) & set(free)
-        if both:
-            raise ValueError(f"{', '.join(sorted(both))} cannot be both pinned and freed")
         return cls(pinned, frozenset(free))
+
+    def __post_init__(self) -> None:
+        """Refuse what contradicts itself."""
+        both = sorted(set(self.pinned) & self.freed)
+        if both:
+            raise ValueError(f"{listed(both)}: fixed and freed at once; leave out one of them")
 
     @property
     def names(self) -> frozenset[str]:
@@ -49,7 +52,25 @@ class FixedParameters:
         Raises:
             ValueError: If one does not; the message suggests and lists those there are.
         """
-        known = parameters.names
-        for name in sorted(self.names - set(known)):
-            hint = did_you_mean(name, known) or "."
-            raise ValueError(f"no parameter {name!r}{hint} There are: {listed(known)}")
+        for name in sorted(self.names):
+            refuse_unknown("parameter", name, parameters.names)
+
+
+def priors_of(words: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Read `--prior NAME=MEAN,SIGMA` of the command line.
+
+    Raises:
+        ValueError: If a word has another form, or a sigma is not positive.
+    """
+    found = {}
+    for word in words:
+        name, equals, numbers = word.partition("=")
+        mean, comma, sigma = numbers.partition(",")
+        if not (equals and comma):
+            raise ValueError(f"--prior must be NAME=MEAN,SIGMA, got {word}")
+        where = f"--prior {word}"
+        known = number_of_word(mean, where), number_of_word(sigma, where)
+        if not known[1] > 0.0:
+            raise ValueError(f"{where}: sigma must be positive")
+        found[name.strip()] = known
+    return found

@@ -17,7 +17,7 @@ from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, Attached, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
-from nico_selfmodel.names import listed
+from nico_selfmodel.names import refuse_unknown
 
 _WATCHER = "the world itself"
 
@@ -106,8 +106,7 @@ def _watcher(tree: BodyTree, frame: str | None) -> Attached:
     if frame is None:
         return Attached(_WATCHER, WORLD)
     names = [sensor.name for sensor in tree.sensors]
-    if frame not in names:
-        raise ValueError(f"no sensor {frame!r}; the body has {listed(names, frame) or 'none'}")
+    refuse_unknown("sensor", frame, names)
     return tree.sensors[names.index(frame)]
 
 

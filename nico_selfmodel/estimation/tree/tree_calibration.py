@@ -40,6 +40,7 @@ from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import WORLD, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
+from nico_selfmodel.names import refuse_unknown
 from nico_selfmodel.optimization.uncertainty import Uncertainty, scales_by_priors
 
 
@@ -204,8 +205,8 @@ def refit_tree(
         ValueError: If a name does not exist.
     """
     clock, parameters = time.perf_counter(), TreeParameters(tree)
-    if unknown := sorted(set(free) - set(parameters.names)):
-        raise ValueError(f"no parameter {unknown[0]!r} in this body")
+    for name in sorted(free):
+        refuse_unknown("parameter", name, parameters.names)
     setup = TreeSetup(frozenset(free), {}, {}, world, world)
     first = TreeStart(start, parameters, setup, parameters.values_of(begin or tree), 0.0)
 

@@ -33,6 +33,7 @@ from nico_selfmodel.model.tree.body_tree import (
     Attached,
     BodyTree,
 )
+from nico_selfmodel.names import refuse_unknown
 
 TURNS, SHIFTS = ("rx", "ry", "rz"), ("x", "y", "z")
 FRAME_PARTS = (*TURNS, *SHIFTS)
@@ -212,8 +213,7 @@ class TreeParameters:
         Raises:
             ValueError: If there is no such camera.
         """
-        if camera not in self._of_lens:
-            raise ValueError(f"no camera {camera!r}")
+        refuse_unknown("camera", camera, self._of_lens)
         return self._of_lens[camera]
 
     @cached_property

@@ -1,6 +1,6 @@
 """What a recording leaves to be estimated: frames that stay, what is free, what holds the scale."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, WHOLE_POSES, WORLD, Attached, BodyTree
-from nico_selfmodel.names import did_you_mean, listed
+from nico_selfmodel.names import listed, refuse_unknown
 
 KNOWN_PLACES = "markers at known places"
 """What stands for the world, and tells lengths, where a recording says where markers are."""
@@ -60,26 +60,6 @@ class Wishes:
         """Return the same with more that moves, but for what the user holds."""
         freed = self.pins.freed | (frozenset(names) - set(self.pins.pinned))
         return replace(self, pins=replace(self.pins, freed=freed))
-
-
-def priors_of(words: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Read `--prior NAME=MEAN,SIGMA` of the command line.
-
-    Raises:
-        ValueError: If a word has another form, or a sigma is not positive.
-    """
-    found = {}
-    for word in words:
-        name, equals, numbers = word.partition("=")
-        mean, comma, sigma = numbers.partition(",")
-        if not (equals and comma):
-            raise ValueError(f"--prior must be NAME=MEAN,SIGMA, got {word}")
-        where = f"--prior {word}"
-        known = number_of_word(mean, where), number_of_word(sigma, where)
-        if not known[1] > 0.0:
-            raise ValueError(f"{where}: sigma must be positive")
-        found[name.strip()] = known
-    return found
 
 
 def robot_sigmas_of(word: str) -> tuple[float, float]:
@@ -248,10 +228,8 @@ def _alike(data: BodyDataset, description: Description | None, wishes: Wishes) -
 
 
 def _check_names(parameters: TreeParameters, wishes: Wishes) -> None:
-    known = parameters.names
-    for name in sorted((wishes.pins.names | set(wishes.priors)) - set(known)):
-        hint = did_you_mean(name, known) or "."
-        raise ValueError(f"no parameter {name!r}{hint} There are: {listed(known)}")
+    for name in sorted(wishes.pins.names | set(wishes.priors)):
+        refuse_unknown("parameter", name, parameters.names)
 
 
 def _refuse_frames(parameters: TreeParameters, wishes: Wishes) -> None:

@@ -25,6 +25,7 @@ from nico_selfmodel.arrays import frozen_array
 from nico_selfmodel.geometry.rotation import rotation_about
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.arm.line_kinematics import cross
+from nico_selfmodel.names import refuse_unknown
 
 SAG, BEARING, BACKLASH = "sag", "bearing_sag", "backlash"
 RIPPLE, COUPLING = "ripple", "coupling"
@@ -78,9 +79,8 @@ class Bending:
         }
         for name, shape in shapes.items():
             object.__setattr__(self, name, frozen_array(getattr(self, name), shape, name))
-        strange = [effect for effect in self.effects if effect not in PARTS]
-        if strange:
-            raise ValueError(f"no effect {strange[0]!r}; there are {', '.join(PARTS)}")
+        for effect in self.effects:
+            refuse_unknown("effect", effect, PARTS)
         length = float(np.linalg.norm(self.up))
         if abs(length - 1.0) > 1e-9:
             raise ValueError(f"up must be a direction of length 1, got length {length:g}")
@@ -103,9 +103,8 @@ class Bending:
         Raises:
             ValueError: If one has no such name.
         """
-        strange = [effect for effect in effects if effect not in PARTS]
-        if strange:
-            raise ValueError(f"no effect {strange[0]!r}; there are {', '.join(PARTS)}")
+        for effect in effects:
+            refuse_unknown("effect", effect, PARTS)
         zero = {name: np.zeros_like(getattr(self, name)) for name in EFFECTS}
         kept = {name: value for name, value in zero.items() if name not in effects}
         return replace(self, effects=tuple(e for e in PARTS if e in effects), **kept)

@@ -9,7 +9,7 @@ from nico_selfmodel.arrays import frozen_array
 from nico_selfmodel.geometry.rotation import rotation_about
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.arm.line_kinematics import hand_points
-from nico_selfmodel.names import listed
+from nico_selfmodel.names import refuse_unknown
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +50,7 @@ class Chain:
         Raises:
             ValueError: If there is no such marker; the message lists those there are.
         """
-        if marker not in self.markers:
-            raise ValueError(f"no marker {marker!r}; the chain has {listed(self.markers, marker)}")
+        refuse_unknown("marker", marker, self.markers)
         return self.markers.index(marker)
 
     def forward(self, q: ArrayLike, marker: ArrayLike = 0) -> NDArray:

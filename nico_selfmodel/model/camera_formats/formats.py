@@ -15,6 +15,7 @@ from nico_selfmodel.model.camera_formats.opencv_format import opencv_cameras, op
 from nico_selfmodel.model.camera_formats.ros_format import ros_camera, ros_text
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
+from nico_selfmodel.names import refuse_unknown
 
 FORMATS = {"opencv": ".yaml", "opencv-json": ".json", "ros": ".yaml", "kalibr": ".yaml"}
 FORMATS["mrcal"] = ".cameramodel"
@@ -32,8 +33,7 @@ def camera_texts(cameras: Mapping[str, Camera], kind: str) -> dict[str, str]:
         ModelError: If a camera has no counterpart there, or there is none.
         ValueError: If there is no such format.
     """
-    if kind not in FORMATS:
-        raise ValueError(f"no format {kind!r}; there are {', '.join(FORMATS)}")
+    refuse_unknown("format", kind, FORMATS)
     if not cameras:
         raise ModelError("the self-model has no camera: learn them with `calibrate stereo`")
     end = FORMATS[kind]

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.model.cameras import fisheye, lens
+from nico_selfmodel.names import refuse_unknown
 
 INTRINSICS = ("fx", "fy", "skew", "cx", "cy", "k1", "k2", "k3", "p1", "p2")
 """Names of what lies inside a camera, in the order of `Camera.values`."""
@@ -62,8 +63,7 @@ def intrinsics_of(kind: str) -> tuple[str, ...]:
     Raises:
         ValueError: If there is no such lens.
     """
-    if kind not in LENSES:
-        raise ValueError(f"no lens {kind!r}; there are {', '.join(LENSES)}")
+    refuse_unknown("lens", kind, LENSES)
     return _INSIDE[kind]
 
 

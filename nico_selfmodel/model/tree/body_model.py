@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.files.folder_contents import found_at
 from nico_selfmodel.files.reading import LARGEST_BODY, read_text
 from nico_selfmodel.files.whole import write_whole
 from nico_selfmodel.files.yaml_text import parse_yaml, yaml_text
@@ -129,9 +130,12 @@ def load_body(path: str | Path) -> BodyModel:
         ModelError: If the file is missing, of another format, or not valid.
     """
     path = Path(path)
-    path = path / BODY_FILE if path.is_dir() else path
-    if not path.exists():
-        raise ModelError(f"{path} does not exist: give a {BODY_FILE}")
+    inside = path / BODY_FILE
+    if not path.exists() or (path.is_dir() and not inside.exists()):
+        raise ModelError(
+            f"{found_at(path)}; a body is a result folder with {BODY_FILE}, or that file"
+        )
+    path = inside if path.is_dir() else path
     try:
         document = parse_yaml(read_text(path, LARGEST_BODY), str(path))
     except DataError as error:

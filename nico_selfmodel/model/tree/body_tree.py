@@ -11,7 +11,7 @@ from nico_selfmodel.arrays import frozen_array, read_only
 from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.standing_mirror import StandingMirror
-from nico_selfmodel.names import listed
+from nico_selfmodel.names import listed, refuse_unknown
 
 WORLD = -1
 """What is `on` no link is on the world."""
@@ -129,8 +129,7 @@ class BodyTree:
             ValueError: If there is no such marker; the message lists those there are.
         """
         names = [marker.name for marker in self.markers]
-        if name not in names:
-            raise ValueError(f"no marker {name!r}; the body has {listed(names, name)}")
+        refuse_unknown("marker", name, names)
         return names.index(name)
 
     def displacements(self, readings: ArrayLike) -> NDArray:

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from nico_selfmodel.errors import BusError, RobotError, ServoFault
 from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.names import refuse_unknown
 from nico_selfmodel.servos.arm.axis import Axis, state_of
 from nico_selfmodel.servos.arm.motion_plan import aim_together
 from nico_selfmodel.servos.arm.motor import JointBus
@@ -379,9 +380,8 @@ class ArmController:
         return state_of(self.axes, self.servos, self.now(), trusted=self.trust_zero)
 
     def _chosen(self, joints: Sequence[str] | None) -> list[Axis]:
-        strangers = [name for name in joints or () if name not in self.joints]
-        if strangers:
-            raise ValueError(f"no joint {strangers[0]!r}; the joints are {', '.join(self.joints)}")
+        for name in joints or ():
+            refuse_unknown("joint", name, self.joints)
         return [axis for axis in self.axes if joints is None or axis.joint.name in joints]
 
     def _require_connection(self) -> None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.files.csv_rows import number_of_word
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
@@ -256,11 +257,8 @@ def mirror_of_words(words: str) -> tuple[str, Mirror]:
     check_name(name.strip(), "the name of a mirror")
     if not place:
         return name.strip(), DEFAULT_MIRROR
-    try:
-        numbers = [float(word) for word in place.split(",")]
-    except ValueError as error:
-        raise ValueError(f"--mirror {words}: {error}") from error
-    if len(numbers) != 3 or not numbers[0] > 0.0 or not np.isfinite(numbers).all():
+    numbers = [number_of_word(word, f"--mirror {words}") for word in place.split(",")]
+    if len(numbers) != 3 or not numbers[0] > 0.0:
         raise ValueError(
             f"--mirror {words}: expected ID=distance,tilt,tilt, a positive distance from the left "
             "camera [mm] and how far the glass is turned to the image's right and upwards [deg]"

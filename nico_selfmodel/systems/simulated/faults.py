@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.names import refuse_unknown
 from nico_selfmodel.systems.simulated.instance import RobotInstance
 from nico_selfmodel.systems.simulated.mechanics import Mechanics
 
@@ -112,6 +113,5 @@ def _regeared(arm: Mechanics, i: int, factor: float) -> Mechanics:
 
 
 def _index(arm: Mechanics, joint: str) -> int:
-    if joint not in arm.servos.joints:
-        raise ValueError(f"no joint {joint!r}; there are {', '.join(arm.servos.joints)}")
+    refuse_unknown("joint", joint, arm.servos.joints)
     return arm.servos.joints.index(joint)

@@ -4,6 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from nico_selfmodel.names import refuse_unknown
+
 
 @dataclass(frozen=True)
 class Imperfections:
@@ -85,6 +87,5 @@ def imperfections_named(name: str) -> Imperfections:
     Raises:
         ValueError: If there is none of that name; the message lists those there are.
     """
-    if name not in IMPERFECTIONS:
-        raise ValueError(f"no imperfections {name!r}; there are {', '.join(IMPERFECTIONS)}")
+    refuse_unknown("imperfections", name, IMPERFECTIONS)
     return IMPERFECTIONS[name]

@@ -14,6 +14,7 @@ from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.names import refuse_unknown
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.simulated.cameras import built_camera, inside_images, views_of_boards
 from nico_selfmodel.systems.simulated.curved_mirror import curved_reflection
@@ -103,8 +104,8 @@ class SimulatedMirrors:
         Raises:
             ValueError: If there is no such mirror, or hardly a pose shows the hand in it.
         """
-        if mirror and mirror not in self.__mirrors:
-            raise ValueError(f"no mirror {mirror!r}; there are {', '.join(self.__mirrors)}")
+        if mirror:
+            refuse_unknown("mirror", mirror, self.__mirrors)
         rng = np.random.default_rng((self._seed, session, len(mirror), 12))
         encoders, pixels = np.zeros((0, len(self.joints))), np.zeros((0, 4))
         for _ in range(_TRIES):

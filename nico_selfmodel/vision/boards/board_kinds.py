@@ -1,6 +1,6 @@
 """The boards that a text names: `9x6`, `charuco:7x5`, `aprilgrid:6x6`, `circles:7x5`, ..."""
 
-from nico_selfmodel.names import did_you_mean
+from nico_selfmodel.names import refuse_unknown
 from nico_selfmodel.vision.boards.april_grid import AprilGrid
 from nico_selfmodel.vision.boards.board_detection import AnyBoard, size_in
 from nico_selfmodel.vision.boards.charuco import CharucoBoard
@@ -36,10 +36,7 @@ def board_of(
     """
     kind, _, size = text.strip().lower().rpartition(":")
     kind = kind or CHESSBOARD
-    if kind not in KINDS:
-        raise ValueError(
-            f"no board {kind!r}{did_you_mean(kind, KINDS)}; there are {', '.join(KINDS)}"
-        )
+    refuse_unknown("board", kind, KINDS)
     if kind == CHESSBOARD:
         if tag_mm is not None or family is not None:
             raise ValueError("--tag-mm and --family are for boards with tags or circles")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from nico_selfmodel.names import refuse_unknown
 from nico_selfmodel.vision.boards.board_detection import AnyBoard
 from nico_selfmodel.vision.markers.marker_sheet import FOOT, HEAD, MARGIN, PAPERS, ruler
 from nico_selfmodel.vision.markers.sheet_files import Blocks, Page, Text, write_pages
@@ -23,8 +24,7 @@ class BoardSheet:
 
     def __post_init__(self) -> None:
         """Refuse a board that does not fit."""
-        if self.paper not in PAPERS:
-            raise ValueError(f"no paper {self.paper!r}; there are {', '.join(PAPERS)}")
+        refuse_unknown("paper", self.paper, PAPERS)
         if self._page_of(self.paper) is None:
             width, height = self._extent[1] - self._extent[0]
             fitting = [paper for paper in PAPERS if self._page_of(paper)]

@@ -168,6 +168,11 @@ def _refined(
         square = smallest_square(rough.astype(float).reshape(board.rows, board.columns, 2))
         wide = int(max(min(2.0 * scale, 0.4 * square), 2.0))
         corners = cv2.cornerSubPix(gray, corners, (wide, wide), (-1, -1), _SUBPIXEL_END)
+    if 2 * window + 5 > min(gray.shape):
+        raise ValueError(
+            f"a window of {window} px on each side of a corner does not fit into a picture of "
+            f"{gray.shape[1]}x{gray.shape[0]}: make it smaller (--window)"
+        )
     corners = cv2.cornerSubPix(gray, corners, (window, window), (-1, -1), _SUBPIXEL_END)
     return corners.reshape(-1, 2), window
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.files.folder_contents import found_at
 from nico_selfmodel.files.reading import LARGEST_PICTURE, read_bytes
 from nico_selfmodel.files.whole import write_bytes_whole
 from nico_selfmodel.vision.images.picture_header import check_header
@@ -135,7 +136,7 @@ def image_files(folder: str | Path) -> list[Path]:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise DataError(f"{folder}: there is no such folder of images")
+        raise DataError(f"{found_at(folder)}; a folder of images was expected")
     try:
         files = [path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES]
     except OSError as error:

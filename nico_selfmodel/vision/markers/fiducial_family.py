@@ -7,6 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.names import refuse_unknown
+
 DEFAULT_FAMILY = "apriltag_36h11"
 ERROR_CORRECTION = 0.6
 """Share of the wrong cells that a family could put right, that is put right: OpenCV's default."""
@@ -37,10 +39,7 @@ class FiducialFamily:
 
     def __post_init__(self) -> None:
         """Refuse names that do not exist."""
-        if self.name not in _FAMILIES:
-            raise ValueError(
-                f"there is no marker family {self.name!r}; families are {', '.join(_FAMILIES)}"
-            )
+        refuse_unknown("marker family", self.name, _FAMILIES)
 
     @staticmethod
     def names() -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.names import refuse_unknown
 from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY, FiducialFamily
 from nico_selfmodel.vision.markers.sheet_files import (
     Cells,
@@ -55,8 +56,7 @@ class MarkerSheet:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be printed, and warn of markers that a mirror turns into others."""
-        if self.paper not in PAPERS:
-            raise ValueError(f"no paper {self.paper!r}; there are {', '.join(PAPERS)}")
+        refuse_unknown("paper", self.paper, PAPERS)
         if not self.ids:
             raise ValueError("no ids: at least one marker is needed")
         family = FiducialFamily(self.family)

@@ -83,7 +83,7 @@ def _ladder(bending: Mapping[str, Any]) -> Table:
     unit = "mm" if "unseen_mm" in bending else "px"
     rows = tuple(
         (
-            f"{step['effect']}: {'kept' if step['kept'] else step['reason']}",
+            f"{step['effect'].replace('_', ' ')}: {'kept' if step['kept'] else step['reason']}",
             (
                 number_cell(step[f"before_{unit}"], 3),
                 number_cell(step[f"after_{unit}"], 3),

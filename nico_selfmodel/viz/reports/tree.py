@@ -233,7 +233,7 @@ def _noise(calibration: TreeCalibration, document: Mapping[str, Any]) -> parts.S
         wrong = sum(slips[joint] for joint in joints)
         kind = "turn" if motions[joints[0]] == REVOLUTE else ""
         rows.append((label, _sigma_cells(kind, value, str(wrong) if wrong else "none")))
-    said = ", ".join(f"{joint} {count}" for joint, count in slips.items() if count)
+    said = ", ".join(f"{count} of {joint}" for joint, count in slips.items() if count)
     return parts.section(
         "Noise",
         parts.numbers(Table(("of", "sigma", "unit", "wrong readings"), tuple(rows))),

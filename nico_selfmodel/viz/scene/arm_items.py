@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.geometry.rotation import tangent_basis
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.names import called
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.scene.arm_shape import joint_points
 from nico_selfmodel.viz.scene.scene import LegendEntry, path_names
@@ -49,7 +50,7 @@ def arm_items(model: SelfModel, q: NDArray, unit: float) -> list[Item]:
 def arm_legend(model: SelfModel) -> list[LegendEntry]:
     """Return one entry a joint."""
     return [
-        LegendEntry(f"joint {joint}", palette.rgba(palette.joint_color(i)))
+        LegendEntry(called("joint", joint), palette.rgba(palette.joint_color(i)))
         for i, joint in enumerate(model.joints)
     ]
 

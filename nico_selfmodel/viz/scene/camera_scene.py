@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.geometry.transform import apply
-from nico_selfmodel.names import listed
+from nico_selfmodel.names import refuse_unknown
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.numbers_shown import short
 from nico_selfmodel.viz.figures.photographs import Photographs, photograph_of
@@ -100,8 +100,7 @@ def chosen_point(calibration: CameraCalibration, point: tuple[str, int] | None) 
         view = int(np.argmin(np.where(better, depth, np.inf)))
         return view, int(np.argmax(seen[view]))
     name, corner = point
-    if name not in calibration.views.names:
-        raise ValueError(f"no view {name!r}; there are {listed(calibration.views.names, name)}")
+    refuse_unknown("view", name, calibration.views.names)
     view = calibration.views.names.index(name)
     if not 0 <= corner < seen.shape[1] or not seen[view, corner]:
         raise ValueError(f"corner {corner} of view {name} was not seen by every camera")

@@ -8,6 +8,7 @@ from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.names import called
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.scene.camera_items import ImagePlane, camera_items
@@ -15,7 +16,14 @@ from nico_selfmodel.viz.scene.mirror_picture import MirrorPicture, Pictures, on_
 from nico_selfmodel.viz.scene.robot.robot_items import robot_items
 from nico_selfmodel.viz.scene.scene import LegendEntry, Scene, path_names
 from nico_selfmodel.viz.scene.scene_items import Item, Markers, Segments, Surface, Tube
-from nico_selfmodel.viz.scene.surroundings import X_WL, camera_from, floor_items, turned, upright
+from nico_selfmodel.viz.scene.surroundings import (
+    X_WL,
+    camera_from,
+    floor_items,
+    turned,
+    upright,
+    with_room,
+)
 
 _DOT = 0.004
 _PLANE = 0.045
@@ -32,6 +40,8 @@ _RAYS = 3
 """Poses of each mirror whose rays are drawn."""
 _GLASS, _REFLECTED = palette.rgba("#8fb4d9", 0.45), palette.rgba("#4477aa", 0.75)
 _AZIMUTH, _ELEVATION = np.radians(235.0), np.radians(32.0)
+_ROOM = 0.1
+"""Left around the places of a robot's links for their shapes, in units of its size."""
 _FROM_BEHIND = np.radians(217.0)
 """Over the shoulder of a robot that is drawn, into the glass."""
 
@@ -77,7 +87,8 @@ def mirror_scene(
         q = model.servos.to_joint(next(iter(pictures.values())).encoders)
         body = turned(robot_items(robot, model, q), X_SW)
         items += body
-        points.append(np.array([item.X_WI[:3, 3] for item in body]))
+        places = np.array([item.X_WI[:3, 3] for item in body])
+        points.append(with_room(places, _ROOM * float(np.linalg.norm(np.ptp(places, axis=0)))))
     everything = np.concatenate(points)
     grid, *_ = floor_items(everything, 1.0)
     azimuth = _FROM_BEHIND if shown else _AZIMUTH
@@ -222,4 +233,4 @@ def _legend(calibration: MirrorCalibration) -> tuple[LegendEntry, ...]:
 
 
 def _words(name: str, mirror: Mirror) -> str:
-    return f"mirror {name}, {1e3 * mirror.distance:.0f} mm from the left camera"
+    return f"{called('mirror', name)}, {1e3 * mirror.distance:.0f} mm from the left camera"

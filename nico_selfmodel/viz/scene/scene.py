@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import frozen_array
 from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.files.folder_contents import found_at
 from nico_selfmodel.files.json_text import parse_json
 from nico_selfmodel.files.reading import LARGEST_SCENE, read_text
 from nico_selfmodel.model.document_values import damage
-from nico_selfmodel.names import listed, shown
+from nico_selfmodel.names import listed, refuse_unknown, shown
 from nico_selfmodel.viz.figures.rgba import Rgba
 from nico_selfmodel.viz.scene.scene_items import ITEM_KINDS, Item
 
@@ -143,11 +144,12 @@ def load_scene(result: str | Path) -> Scene:
         ModelError: If there is none, or it is not valid.
     """
     path = Path(result)
-    path = path / SCENE_FILE if path.is_dir() else path
-    if not path.exists():
+    inside = path / SCENE_FILE
+    if not path.exists() or (path.is_dir() and not inside.exists()):
         raise ModelError(
-            f"{path} does not exist: give the folder that `calibrate` or `learn` wrote"
+            f"{found_at(path)}; expected a result folder with {SCENE_FILE}, or that file"
         )
+    path = inside if path.is_dir() else path
     try:
         text = read_text(path, LARGEST_SCENE)
     except DataError as error:
@@ -195,8 +197,7 @@ def _plain(value: Any) -> Any:
 def _item(document: dict[str, Any]) -> Item:
     values = dict(document)
     kind = values.pop("kind")
-    if kind not in ITEM_KINDS:
-        raise ValueError(f"no item {kind!r}; there are {', '.join(ITEM_KINDS)}")
+    refuse_unknown("item", kind, ITEM_KINDS)
     if "image" in values:
         values["image"] = base64.b64decode(values["image"], validate=True)
     return ITEM_KINDS[kind](**values)

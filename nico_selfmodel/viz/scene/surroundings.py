@@ -114,6 +114,19 @@ def floor_items(points: NDArray, unit: float, X_SW: NDArray | None = None) -> li
     return items
 
 
+def with_room(points: NDArray, room: float) -> NDArray:
+    """Return what is that far from points along each axis: things are drawn about them.
+
+    Args:
+        points: Shape (N, 3).
+        room: [m].
+
+    Returns:
+        Shape (6 N, 3).
+    """
+    return (points[:, None] + room * np.vstack([np.eye(3), -np.eye(3)])).reshape(-1, 3)
+
+
 def camera_on(points: NDArray, front: NDArray) -> Camera:
     """Return a view that holds all points, about square to their widest horizontal spread.
 

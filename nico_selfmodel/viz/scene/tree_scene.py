@@ -7,18 +7,23 @@ from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.rotation import tangent_basis
 from nico_selfmodel.geometry.transform import apply, transform
-from nico_selfmodel.model.tree.body_tree import WORLD, BodyTree
+from nico_selfmodel.model.tree.body_tree import FREE, WHOLE_POSES, WORLD, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
+from nico_selfmodel.names import called
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.scene.camera_items import ImagePlane, camera_items
 from nico_selfmodel.viz.scene.scene import LegendEntry, Scene, path_names
 from nico_selfmodel.viz.scene.scene_items import Cylinder, Item, Markers, Surface, Triad, Tube
-from nico_selfmodel.viz.scene.surroundings import camera_from, floor_items, turned
+from nico_selfmodel.viz.scene.surroundings import camera_from, floor_items, turned, with_room
 
 _PLANE, _OWN_PLANE = 0.25, 0.07
 """Distance of a camera's image from its centre, in units of the body's size: of cameras that stand
 in the world, and of those that the body carries."""
 _GLASS = palette.rgba("#8fb4d9", 0.45)
+_MOST_SEEN = 400
+"""Places of markers that are drawn: more say no more."""
+_ROOM = 0.12
+"""Left around points for what is drawn about them, in units of the body's size."""
 _AZIMUTH, _FACING = -1.2, -0.75
 """From behind a camera that is the world, a little aside; on a body that looks along x, aside."""
 
@@ -33,22 +38,49 @@ def tree_scene(name: str, tree: BodyTree, data: BodyDataset) -> Scene:
         tree: The body.
         data: What it was learned from.
     """
-    q = data.si_readings
-    row = int(np.argmin(np.sum((q - np.median(q, axis=0)) ** 2, axis=1)))
-    motion = TreeMotion.at(tree, q[row : row + 1], data.X_flange[row : row + 1])
+    motion = TreeMotion.at(tree, *_middle(data))
     unit = _size(tree, motion)
     items = [item for _, item in carried_items(tree, motion)]
-    X_SW, glasses = _upright(tree), _glasses(tree, data)
+    X_SW, glasses, seen = _upright(tree), _glasses(tree, data), _seen_points(tree, data)
     items += [item for name, plate in glasses.items() for item in _glass_items(name, plate)]
+    items += _cloud(seen, unit)
     centres, markers = axis_points(tree, motion), _marker_points(tree, motion)
     sensors = np.stack([motion.pose_of(s)[1][:, 0] for s in tree.sensors])
-    points = apply(X_SW, np.vstack([centres, markers, sensors, *glasses.values()]))
+    points = apply(X_SW, np.vstack([centres, markers, sensors, seen, *glasses.values()]))
     own = [marker.on != WORLD for marker in tree.markers]
-    near = apply(X_SW, np.vstack([centres, markers[own], sensors, *glasses.values()]))
+    near = apply(X_SW, np.vstack([centres, markers[own], sensors, seen, *glasses.values()]))
     behind = any(sensor.on == WORLD for sensor in tree.sensors)
-    view = camera_from(near, _AZIMUTH if behind else _FACING)
+    view = camera_from(with_room(near, _ROOM * unit), _AZIMUTH if behind else _FACING)
     floor = floor_items(points, 0.5 * unit, X_SW)
     return Scene(name, (*floor, *turned(items, X_SW)), view, tuple(_legend(tree)))
+
+
+def _middle(data: BodyDataset) -> tuple[NDArray, NDArray]:
+    """Return readings and flanges of the pose nearest to the middle of all, as if of one row."""
+    q, X = data.si_readings, data.X_flange
+    poses = np.concatenate([q, X[:, :, :3, 3].reshape(len(q), -1)], axis=1)
+    row = int(np.argmin(np.sum((poses - np.median(poses, axis=0)) ** 2, axis=1)))
+    return q[row : row + 1], X[row : row + 1]
+
+
+def _seen_points(tree: BodyTree, data: BodyDataset) -> NDArray:
+    """Return where what the body carries was when it was seen, evenly of many. Shape (n, 3)."""
+    table = data.observations
+    free = {i for i, motion in enumerate(tree.motions) if motion == FREE}
+    carried = np.array([m.on != WORLD and m.on not in free for m in tree.markers])
+    pairs = np.stack([table.marker, table.pose], axis=1)
+    pairs = np.unique(pairs[carried[table.marker] & (table.pose >= 0)], axis=0)
+    chosen = pairs[np.linspace(0, len(pairs) - 1, min(len(pairs), _MOST_SEEN)).astype(int)]
+    motion = TreeMotion.at(tree, data.si_readings, data.X_flange, data.si_approach)
+    return motion.points(*chosen.T)
+
+
+def _cloud(seen: NDArray, unit: float) -> list[Item]:
+    """Return where the markers were seen as small grey balls."""
+    if not len(seen):
+        return []
+    color = palette.rgba(palette.TRAINING)
+    return [Markers(path="seen/poses", color=color, centers=seen, radius=0.006 * unit)]
 
 
 def carried_items(tree: BodyTree, motion: TreeMotion) -> list[tuple[int, Item]]:
@@ -78,24 +110,27 @@ def _marker_points(tree: BodyTree, motion: TreeMotion) -> NDArray:
 def _size(tree: BodyTree, motion: TreeMotion) -> float:
     """Return how large a body and what it carries are at a pose [m]."""
     carried = [marker.on != WORLD for marker in tree.markers]
-    points = np.vstack([axis_points(tree, motion), _marker_points(tree, motion)[carried]])
+    bases = motion.p_WJ[np.isin(tree.motions, WHOLE_POSES), :, 0]
+    points = np.vstack([axis_points(tree, motion), bases, _marker_points(tree, motion)[carried]])
     return max(float(np.linalg.norm(np.ptp(points, axis=0))), 1e-3)
 
 
 def axis_points(tree: BodyTree, motion: TreeMotion) -> NDArray:
     """Choose a point on every axis: the one nearest to what it carries. Shape (n, 3).
 
-    Estimates may hold a joint's frame anywhere along its axis.
+    Estimates may hold a joint's frame anywhere along its axis. A joint whose whole pose is read or
+    learned has no axis: its point is where it has moved to.
     """
     n = len(tree.joints)
-    out = motion.p_WJ[:, :, 0].copy()
+    whole = np.isin(tree.motions, WHOLE_POSES)
+    out = np.where(whole[:, None], motion.p_WL[:-1, :, 0], motion.p_WJ[:, :, 0])
     carried: list[list[NDArray]] = [[] for _ in range(n)]
     for marker in tree.markers:
         if marker.on != WORLD:
             carried[marker.on].append(motion.pose_of(marker)[1][:, 0])
     for i in range(n - 1, -1, -1):
         z = motion.R_WJ[i, :, 2, 0]
-        if carried[i]:
+        if carried[i] and not whole[i]:
             target = np.mean(carried[i], axis=0)
             out[i] += ((target - out[i]) @ z) * z
         parent = int(tree.parent[i])
@@ -237,5 +272,7 @@ def _legend(tree: BodyTree) -> list[LegendEntry]:
         LegendEntry(name, palette.rgba(palette.joint_color(i)))
         for i, name in enumerate(tree.joints)
     ]
-    mirrors = [LegendEntry(f"mirror {mirror.name}", _GLASS) for mirror in tree.mirrors]
-    return [*joints, LegendEntry("markers", palette.rgba(palette.HELD_OUT)), *mirrors]
+    mirrors = [LegendEntry(called("mirror", mirror.name), _GLASS) for mirror in tree.mirrors]
+    markers = LegendEntry("markers", palette.rgba(palette.HELD_OUT))
+    seen = LegendEntry("where they were seen", palette.rgba(palette.TRAINING))
+    return [*joints, markers, seen, *mirrors]
