@@ -10,7 +10,13 @@ from nico_selfmodel.cli import inputs, options, printer
 
 def from_vicon(
     trajectories: Annotated[Path, typer.Argument(help="Trajectory CSV exported by Vicon Nexus.")],
-    encoders: Annotated[Path, typer.Option("--encoders", help="CSV of encoder readings by frame.")],
+    encoders: Annotated[
+        Path,
+        typer.Option(
+            "--encoders",
+            help="CSV of readings by `frame`, or by `frame_start` and `frame_end`, averaged.",
+        ),
+    ],
     out: options.Out,
     encoder_unit: Annotated[
         str, typer.Option("--encoder-unit", help="counts, rad or deg.")

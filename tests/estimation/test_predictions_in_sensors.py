@@ -81,5 +81,5 @@ def test_pixels_do_not_depend_on_the_frame_that_places_are_told_in():
 
 def test_a_frame_that_is_no_sensor_is_refused_by_name():
     made = one_arm(2, joints=2)
-    with pytest.raises(ValueError, match="no sensor 'tracer'; the body has tracker"):
+    with pytest.raises(ValueError, match="no sensor 'tracer', did you mean 'tracker'"):
         predict_body(body_of(made), np.zeros((1, 2)), frame="tracer")
