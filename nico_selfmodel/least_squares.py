@@ -4,8 +4,9 @@ It knows only a function that returns cost, gradient and Gauss-Newton matrix, so
 losses, block structure and constrained steps can be supplied by those who need them.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,21 +86,67 @@ def levenberg_marquardt(
         ImpossibleModelError: If the start itself cannot be.
     """
     x = np.asarray(start, dtype=float)
-    cost, gradient, hessian = evaluate(x)
+    way = _descent(x, evaluate(x), max_iterations, tolerance, step or damped_step)
+    x = next(way)
+    while isinstance(x, np.ndarray):
+        x = way.send(_tried(evaluate, x))
+    return x
+
+
+def levenberg_marquardt_each(
+    evaluate: Callable[[NDArray, NDArray], tuple[NDArray, NDArray, NDArray]],
+    starts: NDArray,
+    *,
+    max_iterations: int = 100,
+    tolerance: float = 1e-9,
+) -> list[LevenbergMarquardtResult]:
+    """Minimise from each of many starts at once, each on its own way: `levenberg_marquardt`.
+
+    Args:
+        evaluate: Maps numbers of starts (k,) and their points (k, p) to costs (k,), gradients
+            (k, p) and Gauss-Newton matrices (k, p, p).
+        starts: First points. Shape (S, p).
+        max_iterations: Limit on evaluated steps of each.
+        tolerance: Stop when a step is predicted to lower the cost by less than this fraction.
+
+    Returns:
+        The best point of each.
+    """
+    x = np.asarray(starts, dtype=float)
+    first = zip(*evaluate(np.arange(len(x)), x), strict=True)
+    limits = (max_iterations, tolerance, damped_step)
+    ways = [_descent(x[k], found, *limits) for k, found in enumerate(first)]
+    at: list[Any] = [next(way) for way in ways]
+    while going := [k for k, point in enumerate(at) if isinstance(point, np.ndarray)]:
+        there = evaluate(np.array(going), np.stack([at[k] for k in going]))
+        for k, *found in zip(going, *there, strict=True):
+            at[k] = ways[k].send(tuple(found) if np.isfinite(found[0]) else None)
+    return at
+
+
+def _descent(
+    x: NDArray, found: NormalEquations, max_iterations: int, tolerance: float, step: Step
+) -> Generator[NDArray | LevenbergMarquardtResult, NormalEquations | None, None]:
+    """Yield points to try, each to be answered by its normal equations or None, then the result."""
+    cost, gradient, hessian = found
     if not np.isfinite(cost):
-        return LevenbergMarquardtResult(x, cost, hessian, 0, False, (cost,))
+        yield LevenbergMarquardtResult(x, cost, hessian, 0, False, (cost,))
+        return
     scale = np.diag(hessian).copy()
     history, damping, growth = [cost], 1e-4, 2.0
-    for iteration in range(1, max_iterations + 1):
+    iteration, converged = 0, False
+    while iteration < max_iterations and not converged:
+        iteration += 1
         floor = np.where(scale > 0.0, scale, 1.0)
-        dx = (step or damped_step)(hessian, gradient, damping * floor)
+        dx = step(hessian, gradient, damping * floor)
         if dx is None:
             damping, growth = damping * growth, 2.0 * growth
             continue
         predicted = -(gradient @ dx) - 0.5 * dx @ hessian @ dx
         if predicted <= tolerance * cost or cost < 1e-30:
-            return LevenbergMarquardtResult(x, cost, hessian, iteration, True, tuple(history))
-        new = _tried(evaluate, x + dx)
+            converged = True
+            continue
+        new = yield x + dx
         if new is not None and new[0] < cost:
             gain = (cost - new[0]) / predicted
             damping = max(damping * max(0.01, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-13)
@@ -109,7 +156,6 @@ def levenberg_marquardt(
             history.append(cost)
         else:
             damping, growth = damping * growth, 2.0 * growth
-            if damping > 1e16:
-                # No step downhill is left that floating point can see.
-                return LevenbergMarquardtResult(x, cost, hessian, iteration, True, tuple(history))
-    return LevenbergMarquardtResult(x, cost, hessian, max_iterations, False, tuple(history))
+            # No step downhill is left that floating point can see.
+            converged = bool(damping > 1e16)
+    yield LevenbergMarquardtResult(x, cost, hessian, iteration, converged, tuple(history))

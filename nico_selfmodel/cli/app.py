@@ -16,6 +16,7 @@ from nico_selfmodel.cli import interruption, printer
 from nico_selfmodel.cli.commands import ORDER, Commands, commands_named
 from nico_selfmodel.cli.habits import add_habits
 from nico_selfmodel.cli.option_groups import unfolded
+from nico_selfmodel.cli.plain_values import take_plain_values
 from nico_selfmodel.errors import SelfModelError
 
 _LONGEST_LINE = 1000
@@ -80,6 +81,7 @@ def _tree(*words: str) -> Any:
     command: Any = typer.main.get_command(app)
     command.commands = {name: command.commands[name] for name in ORDER if name in command.commands}
     add_habits(command)
+    take_plain_values(command)
     return command
 
 

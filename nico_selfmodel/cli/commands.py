@@ -6,6 +6,10 @@ Commands = dict[str, Callable[..., None]]
 """Name -> what it does."""
 
 
+_OF_ALL = ("--help", "--version")
+"""What is asked of no command."""
+
+
 def _alone() -> Commands:
     """Return the commands that are in no group."""
     from nico_selfmodel.cli import (
@@ -170,8 +174,8 @@ def commands_named(words: Sequence[str]) -> tuple[Commands, dict[str, tuple[str,
         words: Of the command line.
 
     Returns:
-        Commands, and group -> what it is for and its commands: what the first words name alone,
-        all that there is where they name nothing.
+        Commands, and group -> what it is for and its commands: what the first words name alone;
+        groups without what is in them where only they are told; else all that there is.
     """
     first, second = [*words, "", ""][:2]
     if first in _GROUPS:
@@ -180,7 +184,10 @@ def commands_named(words: Sequence[str]) -> tuple[Commands, dict[str, tuple[str,
     alone = _alone()
     if first in alone:
         return _only(first, alone), {}
-    return alone, {name: (text, load()) for name, (text, load) in _GROUPS.items()}
+    groups = {}
+    for name, (text, load) in _GROUPS.items():
+        groups[name] = (text, {} if first in _OF_ALL else load())
+    return alone, groups
 
 
 def _only(name: str, commands: Commands) -> Commands:

@@ -1,6 +1,7 @@
 """Options that every command has: how much it says, and a file that gives it options."""
 
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,6 +30,7 @@ def _leaves(command: Any) -> Iterator[Any]:
         yield from _leaves(one)
 
 
+@cache
 def _habits() -> Any:
     """Return a command that has nothing but these options, none of which reaches a function."""
     app = typer.Typer(add_completion=False)

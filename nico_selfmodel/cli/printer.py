@@ -6,19 +6,18 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import IntEnum
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
-from rich.console import Console
-from rich.measure import Measurement
-from rich.table import Table
-from rich.text import Text
 
 from nico_selfmodel.cli.result_facts import derived_rows, fact_rows
 from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from nico_selfmodel.dataset.body.body_dataset import BodyDataset
     from nico_selfmodel.dataset.dataset import Dataset
 
@@ -34,7 +33,6 @@ _PARTS = (
     ("training", "train"),
     ("epipolar", "epipolar_px"),
 )
-_console = Console(soft_wrap=True)
 
 Block = Mapping[str, Any] | None
 """Error statistics as `result.json` has them: `n`, `position_mm` and/or `pixels`; None for none."""
@@ -54,6 +52,14 @@ class Talk(IntEnum):
 talk = Talk.PLAIN
 
 
+@cache
+def _console() -> "Console":
+    """Return what prints, which commands that print nothing do not load."""
+    from rich.console import Console
+
+    return Console(soft_wrap=True)
+
+
 def set_talk(how: Talk) -> None:
     """Say more or less from now on."""
     global talk
@@ -63,10 +69,12 @@ def set_talk(how: Talk) -> None:
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
     """Show on standard error how far a job is: by bars, or by lines where that is no terminal."""
-    console = Console(stderr=True)
     if talk is Talk.QUIET:
         yield lambda what, done, total: None
         return
+    from rich.console import Console
+
+    console = Console(stderr=True)
     if not console.is_terminal or talk is Talk.VERBOSE:
         yield _line_a_stage()
         return
@@ -106,7 +114,7 @@ def line(text: str, end: str = "\n") -> None:
     """Print a line as it is."""
     if talk is Talk.QUIET:
         return
-    _console.print(text, markup=False, end=end)
+    _console().print(text, markup=False, end=end)
 
 
 def dataset(data: "Dataset", made: Path) -> None:
@@ -131,6 +139,11 @@ def table(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) ->
     """Print a table; all but the first column are aligned to the right."""
     if talk is Talk.QUIET:
         return
+    from rich.console import Console
+    from rich.measure import Measurement
+    from rich.table import Table
+    from rich.text import Text
+
     # As Text: in a plain string Rich would take [mm] for markup and drop it.
     made = Table(title=Text(title), title_justify="left", title_style="bold", header_style="dim")
     for index, heading in enumerate(headings):
@@ -138,12 +151,13 @@ def table(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) ->
         made.add_column(Text(heading), justify=side, overflow="fold")
     for row in rows:
         made.add_row(*map(Text, row))
-    if _console.is_terminal:
-        _console.print(made)
+    console = _console()
+    if console.is_terminal:
+        console.print(made)
         return
     # A file or a pipe is as wide as the table.
-    wide = Console(file=_console.file, width=_WIDEST)
-    wide.width = max(_console.width, Measurement.get(wide, wide.options, made).maximum)
+    wide = Console(file=console.file, width=_WIDEST)
+    wide.width = max(console.width, Measurement.get(wide, wide.options, made).maximum)
     wide.print(made)
 
 
@@ -200,7 +214,7 @@ def verdict(document: Mapping[str, Any]) -> None:
             reasons = "; ".join(document["reasons"])
             print(f"nico-selfmodel: FAIL: {reasons}", file=sys.stderr)
         return
-    _console.print(f"[bold {_COLOURS[status]}]{status}[/]")
+    _console().print(f"[bold {_COLOURS[status]}]{status}[/]")
     for reason in document["reasons"]:
         line(f"  {reason}")
     for warning in document.get("warnings", ()):

@@ -1,69 +1,75 @@
 """Any calibration: its result, the verdict on it, and what goes into `result.json`."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from nico_selfmodel.estimation.arm.arm_result import arm_result
-from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
-from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
-from nico_selfmodel.estimation.body.body_result import body_result
-from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
-from nico_selfmodel.estimation.cameras.camera_result import camera_result
-from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration
-from nico_selfmodel.estimation.mirrors.mirror_result import mirror_result
-from nico_selfmodel.estimation.monitoring.body_relearning import BodyUpdate
-from nico_selfmodel.estimation.monitoring.body_update_result import body_update_result
-from nico_selfmodel.estimation.monitoring.tool import Rezeroing, ToolCalibration
-from nico_selfmodel.estimation.monitoring.update_result import rezero_result, tool_result
 from nico_selfmodel.estimation.results.calibration_result import CalibrationResult
 from nico_selfmodel.estimation.results.document import document_of
 from nico_selfmodel.estimation.results.judge import verdict_on
 from nico_selfmodel.estimation.results.verdict import Verdict
-from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
-from nico_selfmodel.estimation.tree.tree_result import tree_result
 
-Calibration = (
-    KinematicCalibration
-    | BodyCalibration
-    | CameraAssessment
-    | MirrorCalibration
-    | ToolCalibration
-    | Rezeroing
-    | TreeCalibration
-    | BodyUpdate
-    | CalibrationResult
-)
-"""Whatever was learned, or its result."""
+if TYPE_CHECKING:
+    from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
+    from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
+    from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
+    from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration
+    from nico_selfmodel.estimation.monitoring.body_relearning import BodyUpdate
+    from nico_selfmodel.estimation.monitoring.tool import Rezeroing, ToolCalibration
+    from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
+
+    Calibration = (
+        KinematicCalibration
+        | BodyCalibration
+        | CameraAssessment
+        | MirrorCalibration
+        | ToolCalibration
+        | Rezeroing
+        | TreeCalibration
+        | BodyUpdate
+        | CalibrationResult
+    )
+    """Whatever was learned, or its result."""
 
 
-def result_of(calibration: Calibration) -> CalibrationResult:
+def result_of(calibration: "Calibration") -> CalibrationResult:
     """Return a calibration in the form in which all are judged and written down.
+
+    Who learned an arm does not wait for the modules of all else that could have been learned.
 
     Args:
         calibration: What was learned: an arm, cameras, a body, mirrors, a tool, new zeros.
+
+    Raises:
+        TypeError: If it is none of these.
     """
-    match calibration:
-        case KinematicCalibration():
-            return arm_result(calibration)
-        case BodyCalibration():
-            return body_result(calibration)
-        case CameraAssessment():
-            return camera_result(calibration)
-        case MirrorCalibration():
-            return mirror_result(calibration)
-        case ToolCalibration():
-            return tool_result(calibration)
-        case Rezeroing():
-            return rezero_result(calibration)
-        case TreeCalibration():
-            return tree_result(calibration)
-        case BodyUpdate():
-            return body_update_result(calibration)
-        case CalibrationResult():
-            return calibration
+    found: Any = calibration
+    if isinstance(found, CalibrationResult):
+        return found
+    match type(found).__name__:
+        case "KinematicCalibration":
+            from nico_selfmodel.estimation.arm.arm_result import arm_result as result
+        case "BodyCalibration":
+            from nico_selfmodel.estimation.body.body_result import body_result as result
+        case "CameraAssessment":
+            from nico_selfmodel.estimation.cameras.camera_result import camera_result as result
+        case "MirrorCalibration":
+            from nico_selfmodel.estimation.mirrors.mirror_result import mirror_result as result
+        case "ToolCalibration":
+            from nico_selfmodel.estimation.monitoring.update_result import tool_result as result
+        case "Rezeroing":
+            from nico_selfmodel.estimation.monitoring.update_result import rezero_result as result
+        case "TreeCalibration":
+            from nico_selfmodel.estimation.tree.tree_result import tree_result as result
+        case "BodyUpdate":
+            from nico_selfmodel.estimation.monitoring.body_update_result import (
+                body_update_result as result,
+            )
+        case other:
+            raise TypeError(f"a {other} is no calibration, nor a result of one")
+    return result(found)
 
 
 def judge(
-    calibration: Calibration,
+    calibration: "Calibration",
     require_test_mm: float | None = None,
     require_test_px: float | None = None,
 ) -> Verdict:
@@ -81,7 +87,7 @@ def judge(
     return verdict_on(result_of(calibration), require_test_mm, require_test_px)
 
 
-def to_json(calibration: Calibration, verdict: Verdict) -> dict[str, Any]:
+def to_json(calibration: "Calibration", verdict: Verdict) -> dict[str, Any]:
     """Return the content of `result.json`; numbers that do not exist are null.
 
     Args:

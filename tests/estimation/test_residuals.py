@@ -166,9 +166,8 @@ def test_the_projected_search_ends_where_the_whole_problem_does(make_truth, unit
     observations = seen(truth)
     known = np.full(4, unit == "rad")
     start = replace(near(truth, 6), gear=np.ones(4)) if unit == "rad" else near(truth, 6)
-    arm = project_variables(
-        observations, start.chain.directions, start.gear, known, start.zero, rounds=1
-    )
+    directions, gear = start.chain.directions[None], start.gear[None]
+    (arm,) = project_variables(observations, directions, gear, known, start.zero, rounds=1)
     program, block = line_program(observations, start, known, SIGMA)
     best = block.hypothesis(program.solve(tolerance=1e-12).x)
     found = arm.predict(observations.angles, observations.marker)

@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.least_squares import damped_step, levenberg_marquardt
+from nico_selfmodel.least_squares import (
+    damped_step,
+    levenberg_marquardt,
+    levenberg_marquardt_each,
+)
 
 
 def normal_equations(residuals, scale=1.0):
@@ -134,3 +138,32 @@ def test_a_step_of_the_callers_own_is_asked_again_with_more_damping():
     result = levenberg_marquardt(normal_equations(rosenbrock), np.array([0.5, 0.5]), step=step)
     assert result.converged
     assert np.all(np.diff(asked[:4], axis=0) > 0.0)
+
+
+def test_many_starts_at_once_go_the_ways_that_they_would_alone():
+    starts = np.array([[-1.2, 1.0], [5.0, -3.0], [1.0, 1.0], [0.0, 0.0]])
+    asked = []
+
+    def evaluate(which, x):
+        asked.append(which.tolist())
+        found = [normal_equations(rosenbrock)(point) for point in x]
+        return tuple(map(np.array, zip(*found, strict=True)))
+
+    together = levenberg_marquardt_each(evaluate, starts)
+    for start, result in zip(starts, together, strict=True):
+        alone = levenberg_marquardt(normal_equations(rosenbrock), start)
+        assert np.array_equal(result.x, alone.x)
+        assert (result.iterations, result.history) == (alone.iterations, alone.history)
+    assert asked[0] == [0, 1, 2, 3]
+    assert all(2 not in which for which in asked[1:])  # it began at the minimum
+
+
+def test_of_many_starts_one_that_costs_no_number_stays_alone_with_it():
+    def evaluate(which, x):
+        cost = np.where(which == 1, np.nan, 0.5 * x[:, 0] ** 2)
+        return cost, x.copy(), np.ones((len(x), 1, 1))
+
+    found, lost = levenberg_marquardt_each(evaluate, np.array([[3.0], [3.0]]))
+    assert found.converged
+    assert found.x == pytest.approx([0.0], abs=1e-6)
+    assert not lost.converged

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from nico_selfmodel.geometry.rotation import rotation_from_vector, tangent_basis
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.arm.chain import Chain
-from nico_selfmodel.model.arm.line_kinematics import hand_derivatives, hand_points, line_rotations
+from nico_selfmodel.model.arm.line_kinematics import CarriedLines, hand_points, line_rotations
 
 EXACT = 1e-12
 SEED = st.integers(0, 2**32 - 1)
@@ -82,7 +82,8 @@ def test_the_derivatives_in_the_line_view_are_those_of_central_differences(make_
     q = poses(chain, 8, 4).T
     p_zero = chain.p_WH_zero[[0, 1, 1, 0]].T
     basis = tangent_basis(chain.directions)
-    d = hand_derivatives(chain.directions, chain.points, p_zero, q, basis, basis)
+    lines = CarriedLines.at(chain.directions, q, basis, basis)
+    d = lines.derivatives(chain.points, p_zero)
     n, h = len(chain.joints), 1e-6
     assert d.p == pytest.approx(hand_points(chain.directions, chain.points, p_zero, q), abs=1e-14)
 
@@ -116,6 +117,23 @@ def test_the_derivatives_in_the_line_view_are_those_of_central_differences(make_
     for k, e in enumerate(np.eye(3)):
         by_hand = slope(lambda t, e=e: (chain.directions, chain.points, p_zero + t * e[:, None], q))
         assert d.by_hand[:, k] == pytest.approx(by_hand, abs=1e-8)
+
+
+def test_many_chains_at_once_have_the_derivatives_of_each(make_chain):
+    chains = [make_chain(["generic"] * 3, seed, markers=1) for seed in (1, 2)]
+    q = np.stack([poses(chain, 5, 4).T for chain in chains])
+    directions, points = (
+        np.stack([getattr(c, k) for c in chains]) for k in ("directions", "points")
+    )
+    p_zero = np.stack([np.tile(chain.p_WH_zero[0][:, None], 4) for chain in chains])
+    basis = tangent_basis(directions)
+    together = CarriedLines.at(directions, q, basis, basis).derivatives(points, p_zero)
+    for k in range(2):
+        lines = CarriedLines.at(directions[k], q[k], basis[k], basis[k])
+        alone = lines.derivatives(points[k], p_zero[k])
+        for part in ("p", "by_direction", "by_point", "by_angle", "by_hand"):
+            found = getattr(together, part)[:, k]
+            assert found == pytest.approx(getattr(alone, part), abs=1e-14), part
 
 
 def test_line_rotations_are_rodrigues(make_chain):

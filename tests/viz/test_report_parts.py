@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from unittest import mock
 
 import pytest
-from matplotlib.figure import Figure
 
+from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
 from nico_selfmodel.viz.reports import parts
 from nico_selfmodel.viz.reports.camera_gallery import Gallery, GalleryRow
 from nico_selfmodel.viz.reports.page import Key, Report, key_number
@@ -51,7 +51,7 @@ def test_every_part_stands_in_its_section(part, word):
 
 
 def test_a_figure_is_an_image_that_says_what_it_shows():
-    figure = Figure()
+    figure = PlainFigure()
     figure.suptitle("It rises")
     figure.subplots().set_xlabel("time [s]")
     page = rendered(parts.Drawing(figure, "a curve"))

@@ -2,8 +2,8 @@
 
 import pytest
 from matplotlib.cm import ScalarMappable
-from matplotlib.figure import Figure
 
+from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
 from nico_selfmodel.viz.figures.plot_style import headline, image_bytes, style
 
 from ..slow_rest import slow_rest
@@ -11,7 +11,7 @@ from ..slow_rest import slow_rest
 
 def drawn(rows, columns, *, bar=False, legend=False):
     with style():
-        figure = Figure(figsize=(9.0, 4.5))
+        figure = PlainFigure(figsize=(9.0, 4.5))
         panels = figure.subplots(rows, columns, squeeze=False)
         for i, axes in enumerate(panels.ravel()):
             axes.plot([0.0, 1.0], [0.0, 10.0 ** (i + 1)], label=f"course {i}")

@@ -22,7 +22,11 @@ from nico_selfmodel.estimation.initialization.nominal_arm import (
     first_joint_zero,
     nominal_start,
 )
-from nico_selfmodel.estimation.initialization.start_search import RANDOM, few_rows
+from nico_selfmodel.estimation.initialization.start_search import (
+    ENOUGH_AGREE,
+    RANDOM,
+    few_rows,
+)
 from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.observations import (
     Observations,
@@ -150,6 +154,7 @@ class KinematicTask:
             np.random.default_rng((self.seed, 1)),
             directions=directions,
             gear=gear,
+            at_once=ENOUGH_AGREE - trusted,
         )
         for arm in islice(drawn, count if trusted else max(count, 1)):
             yield RANDOM, arm

@@ -31,8 +31,10 @@ from nico_selfmodel.optimization.losses import robust_scale
 _STARTS = 10
 _STARTS_AT_A_GAP = 30
 """A gap in the middle of a turn is rarely there by chance."""
+_AT_ONCE, _START_ROWS = 5, 60
+"""Starts that are worked out together, and on how many rows: what they leave is asked of more."""
 _MOST_STARTS = 60
-"""Starts that the search may cost in all, on `SEARCH_ROWS` rows each."""
+"""Starts that the search may cost in all."""
 _BETTER = 3.0
 """The residuals must fall to this part of what they were, inverse."""
 _EXPLAINED = 0.02
@@ -126,7 +128,9 @@ def causes_of_misfit(
     for suspicion in _suspicions(observations, gear_pinned, held, worth):
         mended, pinned = few_rows(suspicion.observations, 0), suspicion.gear_pinned
         at = mended.angles[np.argmin(np.abs(mended.angles - zero).sum(axis=1))]
-        drawn = random_starts(mended, pinned & gear_known, at, np.random.default_rng(0))
+        rng, at_once = np.random.default_rng(0), min(suspicion.starts, _AT_ONCE)
+        fewer = few_rows(mended, 0, _START_ROWS)
+        drawn = random_starts(fewer, pinned & gear_known, at, rng, at_once=at_once)
         reached = 0
         if left <= 0:
             return Causes(stopped_after=_MOST_STARTS)

@@ -66,7 +66,8 @@ def nominal_start(
     if known is None:
         return None
     chain, gear, zero = known.chain, known.gear, known.zero
-    return project_variables(observations, chain.directions, gear, gear_known, zero, rounds=2)
+    start = chain.directions[None], gear[None]
+    return project_variables(observations, *start, gear_known, zero, rounds=2)[0]
 
 
 def placed_nominal(

@@ -190,7 +190,7 @@ def distances_between(observations: Observations) -> dict[tuple[int, int], NDArr
     return found
 
 
-def few_rows(observations: Observations, seed: int) -> Observations:
+def few_rows(observations: Observations, seed: int, rows: int = SEARCH_ROWS) -> Observations:
     """Return whole poses enough to tell one minimum from another.
 
     They have three times as many equations as unknowns.
@@ -198,9 +198,10 @@ def few_rows(observations: Observations, seed: int) -> Observations:
     Args:
         observations: What was measured.
         seed: Of the choice.
+        rows: As many at least, if there are.
     """
     unknowns = 5 * len(observations.joints) + 3 * len(observations.markers)
-    return observations.thinned(max(SEARCH_ROWS, unknowns), np.random.default_rng((seed, 2)))
+    return observations.thinned(max(rows, unknowns), np.random.default_rng((seed, 2)))
 
 
 def _scores(solutions: list[LineSolution], loss: str) -> NDArray:

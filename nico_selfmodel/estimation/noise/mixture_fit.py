@@ -6,10 +6,14 @@ all (a false detection), and moves each variance v of a component by
     v <- v sqrt(sum_i g_i w_i' V_i w_i / sum_i g_i tr(S_i^-1 V_i)),  w_i = S_i^-1 r_i,  V = dS/dv
 
 which never lowers the likelihood (Zhou, Hu, Zhou, Lange 2019, MM algorithms for variance
-components).
+components). Near the top rounds hardly move any more: from where two of them lead it is guessed
+where many would, x + 2 a r + a^2 v with r = x1 - x, v = x2 - x1 - r, a = |r| / |v| (Varadhan,
+Roland 2008, Simple and globally convergent methods for accelerating the convergence of any EM
+algorithm), which is kept where the likelihood is no lower there.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +33,7 @@ _STARTS, _FIRST = (3.0, 10.0, 30.0), 30
 """How much wider the tail is taken to be at first, and rounds by which these starts are compared.
 """
 _ROUNDS, _TOLERANCE = 300, 1e-4
-"""Most rounds, and the change of every number at which they end."""
+"""Most rounds, and the change at which they end, of every number over its size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +55,11 @@ class _Poses:
     def dof(self) -> NDArray:
         """How many coordinates of each pose were measured. Shape (N,)."""
         return self.seen.sum(axis=0)
+
+    @cached_property
+    def lever(self) -> float:
+        """By how much a joint noise of one shows in a coordinate, root mean square [m or px]."""
+        return float(np.sqrt(np.einsum("iin->", self.levers) / self.seen.sum()))
 
     def whole(self, parts: tuple[HandNoise, HandNoise]) -> NDArray:
         """Return S + M, the unit matrix where nothing was measured. Shape (K, K, 2, N)."""
@@ -111,22 +120,45 @@ def _climbed(
     poses: _Poses, noise: NoiseMixture, limits: tuple[float, float], rounds: int
 ) -> tuple[float, NoiseMixture]:
     """Return the mixture after rounds, and the logarithm of its likelihood before the last."""
-    likelihood = -np.inf
-    for _ in range(rounds):
-        before = noise
-        likelihood, noise = _round(poses, noise, limits)
-        if _close(before, noise):
-            break
+    likelihood, longest = -np.inf, 1.0
+    for _ in range(0, rounds, 3):
+        likelihood, once = _round(poses, noise, limits)
+        if _close(noise, once, poses.lever):
+            return likelihood, once
+        before, twice = _round(poses, once, limits)
+        length, guess = _ahead((noise, once, twice), limits, poses.lever, longest)
+        likelihood, ahead = _round(poses, guess, limits)
+        better = likelihood >= before
+        noise = ahead if better else twice
+        if length == longest or not better:
+            longest = max(longest * (4.0 if better else 0.25), 1.0)
+        likelihood = max(likelihood, before)
     return likelihood, noise
+
+
+def _ahead(
+    ways: tuple[NoiseMixture, NoiseMixture, NoiseMixture],
+    limits: tuple[float, float],
+    lever: float,
+    longest: float,
+) -> tuple[float, NoiseMixture]:
+    """Return a, and the mixture to which many rounds would lead, as two of them let guess."""
+    x, x1, x2 = (_numbers(one) for one in ways)
+    size = _sizes(x2, lever)
+    r, v = x1 - x, (x2 - x1) - (x1 - x)
+    length = np.linalg.norm(r / size) / max(np.linalg.norm(v / size), 1e-300)
+    a = min(max(float(length), 1.0), longest)
+    far = np.clip(x + 2.0 * a * r + a * a * v, 0.5 * x2, 2.0 * x2).tolist()
+    parts = (HandNoise(*far[:2]), HandNoise(*far[2:4]))
+    return a, _mixture(*parts, (far[4], far[5]), ways[0].poses, limits)
 
 
 def _start(poses: _Poses, wider: float, limits: tuple[float, float]) -> NoiseMixture:
     """Lay half of the middle squares to the sensor and half to the joints."""
     squares = np.sum(poses.residuals**2, axis=0) / np.maximum(poses.dof, 1)
     half = 0.5 * float(np.median(squares))
-    lever = float(np.einsum("iin->", poses.levers) / poses.seen.sum())
-    sensor = np.clip(np.sqrt(half), *limits)
-    joint = min(np.sqrt(half / lever) if lever > 0.0 else 0.0, LARGEST_JOINT)
+    sensor, lever = np.clip(np.sqrt(half), *limits), poses.lever
+    joint = min(np.sqrt(half) / lever if lever > 0.0 else 0.0, LARGEST_JOINT)
     core = HandNoise(float(sensor), float(joint))
     tail = HandNoise(wider * core.sensor_sigma, wider * core.joint_sigma)
     return _mixture(core, tail, (0.1, 0.01), len(squares), limits)
@@ -215,8 +247,27 @@ def _mixture(
     )
 
 
-def _close(before: NoiseMixture, after: NoiseMixture) -> bool:
-    names = ("sensor_sigma", "joint_sigma", "tail_sensor_sigma", "tail_joint_sigma", "tail_share")
-    names = (*names, "outlier_share")
-    pairs = ((getattr(before, name), getattr(after, name)) for name in names)
-    return all(abs(a - b) <= _TOLERANCE * max(a, b) for a, b in pairs)
+def _numbers(noise: NoiseMixture) -> NDArray:
+    """Return what is estimated: both components, their share and that of false detections."""
+    core, tail = core_and_tail(noise)
+    parts = (core.sensor_sigma, core.joint_sigma, tail.sensor_sigma, tail.joint_sigma)
+    return np.array([*parts, noise.tail_share, noise.outlier_share])
+
+
+def _sizes(numbers: NDArray, lever: float) -> NDArray:
+    """Return what counts as much of each number: of joint noise as far as a coordinate shows it."""
+    size = numbers.copy()
+    for part in (size[:2], size[2:4]):
+        whole = float(np.hypot(part[0], lever * part[1]))
+        part[:] = whole, whole / lever if lever > 0.0 else np.inf
+    return size
+
+
+def _close(before: NoiseMixture, after: NoiseMixture, lever: float) -> bool:
+    """Return whether nothing moves any more: what shrinks counts as far as it shows.
+
+    What grows may become large, however small it is.
+    """
+    a, b = _numbers(before), _numbers(after)
+    size = np.where(b > a, b, _sizes(a, lever))
+    return bool((np.abs(a - b) <= _TOLERANCE * size).all())

@@ -9,7 +9,7 @@ from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.geometry.rotation import move_on_sphere, tangent_basis
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
-from nico_selfmodel.model.arm.line_kinematics import hand_derivatives
+from nico_selfmodel.model.arm.line_kinematics import CarriedLines
 
 LINE_PARTS = ("direction_u", "direction_v", "point_u", "point_v", "gear")
 
@@ -62,7 +62,7 @@ class LineResiduals:
         directions, slopes, points, gear, hands = self._unpack(x)
         q = self._moved / gear[:, None]
         p_zero = hands[self._observations.marker].T
-        d = hand_derivatives(directions, points, p_zero, q, slopes, self._bases)
+        d = CarriedLines.at(directions, q, slopes, self._bases).derivatives(points, p_zero)
         n, out = len(gear), self._out
         joints = out[: 5 * n].reshape(n, 5, 3, -1)
         joints[:, 0:2] = d.by_direction.transpose(1, 2, 0, 3)

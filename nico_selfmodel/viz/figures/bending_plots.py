@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.bending.what_bends import At
 from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
 from nico_selfmodel.viz.figures.plot_style import FULL_WIDTH, MANY, headline, style
 
 _ARROW = 0.12
@@ -33,7 +34,7 @@ def bent_hands(bending: Bending | None, at: At, kept: Collection[str]) -> Figure
     still, (bent, _) = at(None)[0], at(bending)
     moved = bent - still
     with style():
-        figure = Figure(figsize=(FULL_WIDTH, 3.6))
+        figure = PlainFigure(figsize=(FULL_WIDTH, 3.6))
         panels = figure.subplots(1, 3)
         stretch = (
             _ARROW

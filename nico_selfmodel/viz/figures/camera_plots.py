@@ -10,6 +10,7 @@ from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.camera_views import USE_COLORS, USES, ShownView
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
+from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
 from nico_selfmodel.viz.figures.numbers_shown import short
 from nico_selfmodel.viz.figures.plot_style import (
     FULL_WIDTH,
@@ -70,7 +71,7 @@ def view_errors(views: tuple[ShownView, ...]) -> Figure:
     """Draw the rms of every view and of each camera in it."""
     shown = [view for view in views if view.rms is not None]
     with style():
-        figure = Figure(figsize=(HALF_WIDTH, 3.4))
+        figure = PlainFigure(figsize=(HALF_WIDTH, 3.4))
         axes = figure.add_subplot()
         values = np.array([view.rms for view in shown], dtype=float)
         for use in USES[:3]:
@@ -132,7 +133,7 @@ def image_panels(assessment: CameraAssessment) -> tuple[Figure, list[Axes]]:
     inches = FULL_WIDTH if len(sides) > 1 else HALF_WIDTH
     panel = (inches - 0.6 * columns) / columns
     tall = max(height / width for width, height in sizes)
-    figure = Figure(figsize=(inches, 0.75 + rows * (0.6 + panel * tall)))
+    figure = PlainFigure(figsize=(inches, 0.75 + rows * (0.6 + panel * tall)))
     # Down the columns, which narrow pages show one below the other.
     every = list(figure.subplots(rows, columns, squeeze=False).T.ravel())
     for unused in every[len(sides) :]:

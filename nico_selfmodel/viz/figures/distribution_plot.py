@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
 from nico_selfmodel.viz.figures.plot_style import HALF_WIDTH, headline, log_ticks, style
 
 _LOG_FROM, _LOG_TAIL = 8.0, 20.0
@@ -68,7 +69,7 @@ def distribution(
         The figure.
     """
     with style():
-        figure = Figure(figsize=(HALF_WIDTH, 4.2))
+        figure = PlainFigure(figsize=(HALF_WIDTH, 4.2))
         axes = figure.add_subplot()
         for one in sets:
             errors, color = one.errors, one.color

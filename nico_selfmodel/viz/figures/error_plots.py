@@ -12,6 +12,7 @@ from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.figures.inlier_errors import inlier_rows, largest_shown
+from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
 from nico_selfmodel.viz.figures.plot_style import (
     FULL_WIDTH,
     MANY,
@@ -43,7 +44,7 @@ def error_over_workspace(calibration: KinematicCalibration) -> Figure:
     """Draw where the errors are, in three projections of the measuring frame."""
     scale = Normalize(0.0, 1e3 * largest_shown(calibration) or 1.0)
     with style():
-        figure = Figure(figsize=(FULL_WIDTH, 4.0))
+        figure = PlainFigure(figsize=(FULL_WIDTH, 4.0))
         panels = figure.subplots(1, 3)
         for axes, (a, b) in zip(panels, ((0, 1), (0, 2), (1, 2)), strict=True):
             for name, evaluation, rows in inlier_rows(calibration):
@@ -88,7 +89,7 @@ def residuals_over_angles(calibration: KinematicCalibration) -> Figure:
     q = np.degrees((angles - servos.offset) / servos.gear)
     joints, limit = calibration.model.joints, _axis_limit(residuals)
     with style():
-        figure = Figure(figsize=(FULL_WIDTH, 4.6))
+        figure = PlainFigure(figsize=(FULL_WIDTH, 4.6))
         panels = figure.subplots(1, len(joints), sharey=True, squeeze=False)[0]
         trends = []
         for i, (axes, joint) in enumerate(zip(panels, joints, strict=True)):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.files.whole import write_bytes_whole
 from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
 from nico_selfmodel.viz.figures.plot_style import (
     grid_along,
     headline,
@@ -99,7 +100,7 @@ def bar_chart(
         log = bool(np.nanmax(heights) > _LOG_FROM * np.nanmin(heights))
     with style():
         bars = len(groups) * len(series)
-        figure = Figure(figsize=(float(np.clip(1.6 + 0.62 * bars, 5.4, 11.0)), 4.2))
+        figure = PlainFigure(figsize=(float(np.clip(1.6 + 0.62 * bars, 5.4, 11.0)), 4.2))
         axes = figure.add_subplot()
         if log:
             axes.set_yscale("log")

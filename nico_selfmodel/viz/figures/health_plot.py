@@ -6,6 +6,7 @@ from matplotlib.ticker import MaxNLocator
 
 from nico_selfmodel.estimation.monitoring.health import HealthReport
 from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
 from nico_selfmodel.viz.figures.plot_style import HALF_WIDTH, headline, log_ticks, style
 
 
@@ -21,7 +22,7 @@ def health_plot(report: HealthReport) -> Figure:
     """
     rows = np.arange(len(report.nis))
     with style():
-        figure = Figure(figsize=(HALF_WIDTH, 4.2))
+        figure = PlainFigure(figsize=(HALF_WIDTH, 4.2))
         above, below = figure.subplots(2, 1, sharex=True)
         above.plot(rows, report.nis / report.dof, "o", color=palette.MUTED, markersize=3.5)
         above.axhline(1.0, color=palette.INK, linewidth=0.8)

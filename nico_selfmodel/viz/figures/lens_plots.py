@@ -10,6 +10,7 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import FISHEYE
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
+from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
 from nico_selfmodel.viz.figures.plot_style import HALF_WIDTH, MANY, headline, style
 
 _STEPS = 200
@@ -23,7 +24,7 @@ def distortion_profile(assessment: CameraAssessment) -> Figure:
     calibration = assessment.calibration
     cameras = list(zip(calibration.views.cameras, calibration.cameras, strict=True))
     with style():
-        figure = Figure(figsize=(HALF_WIDTH, max(4.2, 1.8 * len(cameras))))
+        figure = PlainFigure(figsize=(HALF_WIDTH, max(4.2, 1.8 * len(cameras))))
         panels = figure.subplots(len(cameras), 1, squeeze=False)[:, 0]
         words = []
         for axes, (side, camera) in zip(panels, cameras, strict=True):
@@ -62,7 +63,7 @@ def reconstruction_by_range(assessment: CameraAssessment) -> Figure | None:
     distance, errors = 1e3 * found.depths.ravel(), 1e3 * found.errors.ravel()
     calibration = assessment.calibration
     with style():
-        figure = Figure(figsize=(HALF_WIDTH, 4.2))
+        figure = PlainFigure(figsize=(HALF_WIDTH, 4.2))
         axes = figure.add_subplot()
         many = len(errors) > MANY
         axes.plot(

@@ -13,6 +13,8 @@ from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
 from nico_selfmodel.estimation.initialization.start_search import StartSearch
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.figures.layout.plain_axis import PlainAxes
+from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
 from nico_selfmodel.viz.figures.numbers_shown import decimals
 from nico_selfmodel.viz.figures.plot_style import (
     FULL_WIDTH,
@@ -47,7 +49,7 @@ def parameter_sigmas(calibration: KinematicCalibration) -> Figure | None:
     groups = {unit: names for unit, names in groups.items() if names}
     with style():
         tallest = max(len(names) for names in groups.values())
-        figure = Figure(figsize=(FULL_WIDTH, 1.1 + 0.19 * tallest))
+        figure = PlainFigure(figsize=(FULL_WIDTH, 1.1 + 0.19 * tallest))
         panels = figure.subplots(1, len(groups), squeeze=False)[0]
         for axes, (unit, names) in zip(panels, groups.items(), strict=True):
             _sigma_panel(axes, calibration, uncertainty, unit, names)
@@ -125,7 +127,7 @@ def correlations(uncertainty: Uncertainty) -> Figure | None:
     correlation, count = uncertainty.correlation[np.ix_(shown, shown)], len(shown)
     with style():
         side = float(np.clip(0.2 * count + 2.4, 5.0, 9.6))
-        figure = Figure(figsize=(side + 0.8, side))
+        figure = PlainFigure(figsize=(side + 0.8, side))
         axes = figure.add_subplot()
         axes.grid(False)
         corners = (-0.5, count - 0.5, count - 0.5, -0.5)
@@ -143,7 +145,7 @@ def correlations(uncertainty: Uncertainty) -> Figure | None:
         muted = {"color": palette.MUTED, "linewidth": 0.7}
         axes.hlines(borders, -0.5, borders, **muted)
         axes.vlines(borders, borders, count - 0.5, **muted)
-        inset = axes.inset_axes((0.56, 0.93, 0.4, 0.025))
+        inset = axes.inset_axes((0.56, 0.93, 0.4, 0.025), axes_class=PlainAxes)
         bar = ScalarMappable(Normalize(-1.0, 1.0), _DIVERGING)
         ticks = [-1.0, -0.5, 0.0, 0.5, 1.0]
         figure.colorbar(bar, cax=inset, orientation="horizontal", ticks=ticks)
@@ -172,7 +174,7 @@ def convergence(calibration: KinematicCalibration) -> Figure | None:
     if search is None or not len(history):
         return None
     with style():
-        figure = Figure(figsize=(HALF_WIDTH, 4.2))
+        figure = PlainFigure(figsize=(HALF_WIDTH, 4.2))
         top, bottom = figure.subplots(2, 1)
         excess = (history - history.min()) / (history.min() or history.max() or 1.0)
         # What is left at the end is rounding.

@@ -11,12 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from nico_selfmodel.viz.figures import palette
-from nico_selfmodel.viz.figures.layout.single_pass_layout import SinglePassLayout
 
 FULL_WIDTH, HALF_WIDTH = 11.0, 4.9
 """Widths of figures on the page, where a point of type is then about a point [inch]."""
@@ -38,7 +36,6 @@ _STYLE: dict[str, Any] = {
     "axes.titleweight": "bold",
     "axes.titley": 1.0,  # else it is looked for above all ticks, of which there are none up there
     "axes.unicode_minus": True,
-    "figure.constrained_layout.use": True,
     "figure.facecolor": "white",
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
@@ -77,8 +74,6 @@ def image_bytes(figure: Figure, file_format: str) -> bytes:
     """
     buffer = io.BytesIO()
     with style():
-        if isinstance(figure.get_layout_engine(), ConstrainedLayoutEngine):
-            figure.set_layout_engine(SinglePassLayout())
         if file_format == "svg":
             # `savefig` would lay out and walk through everything once more before it draws.
             FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})

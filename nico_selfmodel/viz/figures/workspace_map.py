@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from nico_selfmodel.estimation.body.workspace_accuracy import WorkspaceAccuracy
 from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
 from nico_selfmodel.viz.figures.plot_style import FULL_WIDTH, headline, style
 
 
@@ -26,7 +27,7 @@ def workspace_map(accuracy: WorkspaceAccuracy) -> Figure:
     )
     scale = Normalize(0.0, 1e3 * float(accuracy.total.max()))
     with style():
-        figure = Figure(figsize=(FULL_WIDTH, 4.0))
+        figure = PlainFigure(figsize=(FULL_WIDTH, 4.0))
         panels = figure.subplots(1, 3)
         for axes, (title, part) in zip(panels, parts, strict=True):
             order = np.argsort(part)

@@ -2,7 +2,7 @@
 
 Matplotlib's `get_tightbbox` works out the ticks of an axis a dozen times for that, which takes
 longer than drawing. Here each axis does so once, and its label is fixed where Matplotlib would put
-it: `labelpad` beyond ticks and tick labels.
+it: `labelpad` beyond ticks and tick labels (`plain_axis`).
 """
 
 import io
@@ -67,12 +67,12 @@ def bounds_of(axes: Axes, renderer: RendererBase, *, for_layout: bool = False) -
 
 
 def _beside(
-    axis: Axis, across: int, inner: Bbox, renderer: RendererBase, *, for_layout: bool
+    axis: Any, across: int, inner: Bbox, renderer: RendererBase, *, for_layout: bool
 ) -> Iterator[Bbox]:
     """Yield bounds of ticks and labels of an axis, and fix its label.
 
     Args:
-        axis: It.
+        axis: That of `PlainAxes`.
         across: 0 for x, 1 for y.
         inner: The panel without them.
         renderer: What measures text.
@@ -80,16 +80,11 @@ def _beside(
     """
     low = axis.get_label_position() in ("bottom", "left")
     out = 1 - across  # the direction in which labels stand off the panel
-    reach = inner.frozen().get_points()
     figure = axis.get_figure(root=True)
-    assert figure is not None
     point = figure.dpi / 72.0
-    pad = point * axis.get_tick_padding()
-    reach[0 if low else 1, out] += -pad if low else pad
-    ticks = Bbox(reach)
-    written = [text.get_window_extent(renderer) for text in _tick_labels(axis, across)]
-    yield from (ticks, *written)
-    ends = Bbox.union([ticks, *written]).get_points()
+    ticks = axis.bounds_of_ticks(renderer)
+    yield from ticks
+    ends = Bbox.union(ticks).get_points()
     side = 0 if low else 1
     off = abs(ends[side, out] - inner.get_points()[side, out]) + point * axis.labelpad
     _fix_label(axis, out, side, (-off if low else off) / figure.dpi)
@@ -115,20 +110,6 @@ def _fix_label(axis: Axis, out: int, side: int, off: float) -> None:
     place = list(axis.label.get_position())
     place[out] = float(side)
     axis.set_label_coords(*place, transform=axis.axes.transAxes + away)
-
-
-def _tick_labels(axis: Axis, across: int) -> list[Text]:
-    """Return the labels of an axis that are drawn: those of ticks within what it shows."""
-    low, high = sorted(map(float, axis.get_view_interval()))
-    slack = 1e-9 * (high - low)
-    labels = [*axis.get_majorticklabels(), *(tick.label1 for tick in axis.minorTicks)]
-    return [
-        text
-        for text in labels
-        if text.get_visible()
-        and text.get_text()
-        and low - slack <= text.get_position()[across] <= high + slack
-    ]
 
 
 def _without_length(box: Bbox, along: int) -> Bbox:

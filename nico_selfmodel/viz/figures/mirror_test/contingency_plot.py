@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
 from nico_selfmodel.viz.figures.plot_style import headline, style
 
 
@@ -27,7 +28,7 @@ def contingency_plot(
         One panel an encounter, on common axes.
     """
     with style():
-        figure = Figure(figsize=(11.0, 3.2))
+        figure = PlainFigure(figsize=(11.0, 3.2))
         panels = figure.subplots(1, len(traces), sharex=True, sharey=True)
         for axes, (name, trials) in zip(np.ravel(panels), traces.items(), strict=True):
             color = palette.HELD_OUT if name == own else palette.CROSS_VALIDATION

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
 from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
 from nico_selfmodel.viz.figures.plot_style import FULL_WIDTH, headline, style
 
 _LARGEST = 5.0
@@ -45,7 +46,7 @@ def structure_plot(links: Sequence[ShownLink], title: str) -> Figure:
     """
     errors = [np.linalg.norm(one.mesh.vertices - one.p_LT, axis=1) for one in links]
     with style():
-        figure = Figure(figsize=(FULL_WIDTH, 5.6))
+        figure = PlainFigure(figsize=(FULL_WIDTH, 5.6))
         first, second, cut = figure.subplots(1, 3, sharey=True)
         drawn = None
         for axes, values, name in (

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
 from nico_selfmodel.viz.figures.plot_style import headline, style
 
 _WIDTH = 11.0
@@ -39,7 +40,7 @@ def surprise_plot(
     )
     across = _WIDTH / (len(kinds) * len(looks))
     with style():
-        figure = Figure(figsize=(_WIDTH, float(np.clip(across * tallest, 1.6, 6.0)) + 1.1))
+        figure = PlainFigure(figsize=(_WIDTH, float(np.clip(across * tallest, 1.6, 6.0)) + 1.1))
         grid = figure.subplots(1, len(kinds) * len(looks), squeeze=False)[0]
         drawn = None
         for k, (side, (seen, expected, z)) in enumerate(looks.items()):

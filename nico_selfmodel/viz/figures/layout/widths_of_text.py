@@ -1,0 +1,36 @@
+"""How wide text is in the font of the figures, from the advance of each letter."""
+
+from functools import cache
+
+from matplotlib import rcParams
+from matplotlib.font_manager import FontProperties, findfont, get_font
+from matplotlib.ft2font import FT2Font, LoadFlags
+
+_SIZE = 64.0
+
+
+def width_of(text: str) -> float:
+    """Return the width of a line of text, in sizes of its font."""
+    return sum(map(_advance, text))
+
+
+@cache
+def ascent_and_descent() -> tuple[float, float]:
+    """Return how far letters reach above their line and below it, in sizes of the font."""
+    font = _font()
+    font.set_text("lp", 0.0)
+    tall = font.get_width_height()[1] / 64.0
+    below = font.get_descent() / 64.0
+    return (tall - below) / _SIZE, below / _SIZE
+
+
+@cache
+def _advance(letter: str) -> float:
+    glyph = _font().load_char(ord(letter), flags=LoadFlags.NO_HINTING)
+    return glyph.linearHoriAdvance / 65536.0 / _SIZE
+
+
+def _font() -> FT2Font:
+    font = get_font(findfont(FontProperties(family=rcParams["font.family"])))
+    font.set_size(_SIZE, 72.0)
+    return font

@@ -1,0 +1,87 @@
+"""Ticks that are drawn at once stand where matplotlib would draw each."""
+
+import re
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.figure import Figure
+
+from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
+from nico_selfmodel.viz.figures.plot_style import image_bytes, log_ticks, style
+
+_TEXT = re.compile(r"<text[^>]*>([^<]*)</text>")
+_PLACE = re.compile(r'(?:x="([-\d.]+)" y="([-\d.]+)")|(?:translate\(([-\d.]+) ([-\d.]+)\))')
+
+
+def plain(axes, figure):
+    axes.plot([-3.0, 5.0], [2.0, 1e3])
+    axes.set_xlabel("something")
+
+
+def logarithmic(axes, figure):
+    axes.plot([1.0, 4000.0], [1.0, 3.0])
+    axes.set_xscale("log")
+    log_ticks(axes.xaxis)
+
+
+def named(axes, figure):
+    axes.set_xticks(range(3), ["one_long_name", "b", "Größe"], rotation=90, fontsize=7.5)
+    axes.set_yticks([0.0, 0.5], ["none", "half of it"], fontsize=6.0)
+    axes.tick_params(axis="x", length=0)
+
+
+def barred(axes, figure):
+    figure.colorbar(ScalarMappable(), cax=axes)
+
+
+def far_off(axes, figure):
+    axes.plot([0.0, 1.0], [2.0e7, 2.0000001e7])
+
+
+KINDS = [plain, logarithmic, named, barred, far_off]
+
+
+def drawn(kind, draw):
+    with style():
+        figure = kind(figsize=(4.0, 3.0))
+        figure.set_layout_engine("none")
+        axes = figure.add_axes((0.3, 0.4, 0.3 if draw is barred else 0.6, 0.5))
+        draw(axes, figure)
+    return figure
+
+
+def written(figure):
+    """Return what is written in a figure, and where [pt]."""
+    svg = image_bytes(figure, "svg").decode()
+    found = []
+    for text in _TEXT.finditer(svg):
+        place = [float(number) for number in _PLACE.search(text[0]).groups() if number]
+        found.append((text[1], place))
+    return sorted(found)
+
+
+@pytest.mark.parametrize("draw", KINDS)
+def test_labels_stand_where_matplotlib_writes_them(draw):
+    ours, theirs = written(drawn(PlainFigure, draw)), written(drawn(Figure, draw))
+    assert [text for text, _ in ours] == [text for text, _ in theirs]
+    assert len(theirs) > 3
+    for (text, place), (_, expected) in zip(ours, theirs, strict=True):
+        assert place == pytest.approx(expected, abs=0.8), text
+
+
+@pytest.mark.parametrize("draw", KINDS)
+def test_pictures_are_those_that_matplotlib_draws(draw):
+    ours, theirs = (np.asarray(pixels(drawn(kind, draw)), float) for kind in (PlainFigure, Figure))
+    assert np.ptp(theirs) > 200.0
+    off = np.abs(ours - theirs).max(axis=2)
+    ink = np.abs(theirs - 255.0).max(axis=2) > 30.0
+    assert np.mean(off > 90.0) < 0.1 * ink.mean()
+
+
+def pixels(figure):
+    with style():
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+    return canvas.buffer_rgba()
