@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli import options, printer
+from nico_selfmodel.cli.option_groups import BoardChoice
 
 if TYPE_CHECKING:
     from nico_selfmodel.vision.detections import Detector
@@ -69,7 +70,7 @@ def _detector(
     if color is not None:
         return Detector.for_color(ColorModel.load(color))
     # The size of a square does not matter here: no lengths come out.
-    wanted = inputs.board(board or "", 1.0, None, family)
+    wanted = BoardChoice(board or "", 1.0, None, family).load()
     return Detector.for_board(wanted, window or WINDOW)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, Self, TypeVar
 
-from nico_selfmodel.cli.option_groups import Bounds, Chain, HeldOut
+from nico_selfmodel.cli.option_groups import Bounds, Chain, HeldOut, HeldOutShare
 from nico_selfmodel.files.reading import real_path
 from nico_selfmodel.names import LONGEST_NAME, check_name, listed, refuse_unknown
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from nico_selfmodel.model.cameras.stereo_rig import StereoRig
     from nico_selfmodel.model.self_model import SelfModel
     from nico_selfmodel.plant import ArmDescription
-    from nico_selfmodel.vision.boards.board_detection import AnyBoard
 
 
 class _Recording(Protocol):
@@ -107,26 +106,20 @@ def _train_and_test(
     return train, test
 
 
-def refuse_untested(bounds: Bounds, held_out: HeldOut) -> None:
+def refuse_untested(bounds: Bounds, held_out: HeldOutShare) -> None:
     """Refuse a bound on held-out data where none are held out: nothing could meet it.
 
     Raises:
         ValueError: If there is a bound, and nothing to hold against it.
     """
-    if held_out.test is not None or held_out.test_fraction is not None:
+    beside = held_out.test if isinstance(held_out, HeldOut) else None
+    if beside is not None or held_out.test_fraction is not None:
         return
     for unit, bound in (("mm", bounds.require_test_mm), ("px", bounds.require_test_px)):
         if bound is not None:
             raise ValueError(
                 f"--require-test-{unit} is a bound on held-out data: give --test or --test-fraction"
             )
-
-
-def board(text: str, square_mm: float, tag_mm: float | None, family: str | None) -> "AnyBoard":
-    """Return the board that `--board`, `--square-mm`, `--tag-mm` and `--family` name."""
-    from nico_selfmodel.vision.boards.board_kinds import board_of
-
-    return board_of(text, square_mm, tag_mm, family)
 
 
 def model_of(path: Path | None) -> "SelfModel | None":

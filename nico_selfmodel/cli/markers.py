@@ -4,7 +4,8 @@ from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli import option_groups as groups
+from nico_selfmodel.cli import options, printer
 
 
 def sheet(
@@ -37,10 +38,7 @@ def sheet(
 
 def board(
     out: options.OutFile,
-    board: options.Board,
-    square_mm: options.SquareMm,
-    tag_mm: options.TagMm = None,
-    family: options.Family = None,
+    board: groups.BoardChoice,
     paper: Annotated[str, typer.Option("--paper", help="a4, letter, a3, a2, a1 or a0.")] = "a4",
     force: options.Force = False,
 ) -> None:
@@ -52,6 +50,6 @@ def board(
     from nico_selfmodel.vision.boards.board_sheet import BoardSheet
 
     refuse_existing(out, force=force)
-    made = BoardSheet(inputs.board(board, square_mm, tag_mm, family), paper)
+    made = BoardSheet(board.load(), paper)
     made.save(out)
     printer.line(f"{out}: {made.words}; print at 100 % and measure the ruler")

@@ -14,6 +14,7 @@ from nico_selfmodel.cli import options
 from nico_selfmodel.cli.placeholders import with_placeholder
 
 if TYPE_CHECKING:
+    from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
     from nico_selfmodel.vision.boards.board_detection import AnyBoard
 
 
@@ -22,12 +23,18 @@ class OptionGroup:
 
 
 @dataclass(frozen=True)
-class HeldOut(OptionGroup):
+class HeldOutShare(OptionGroup):
+    """What is held out of the training data."""
+
+    test_fraction: options.TestFraction = None
+    seed: options.SplitSeed = 0
+
+
+@dataclass(frozen=True)
+class HeldOut(HeldOutShare):
     """What is held out of the training data, or beside them."""
 
     test: options.Test = None
-    test_fraction: options.TestFraction = None
-    seed: options.SplitSeed = 0
 
 
 @dataclass(frozen=True)
@@ -69,6 +76,36 @@ class Bends(OptionGroup):
 
     effects: options.Effects = "auto"
     up: options.Up = None
+
+
+@dataclass(frozen=True)
+class LensChoice(Fixed):
+    """What is estimated of cameras, and what was known of them."""
+
+    prior: options.Prior = None
+    lens: options.Lens = "auto"
+    tangential: options.Tangential = False
+    fixed_aspect: options.FixedAspect = False
+    loss: options.Loss = "trimmed"
+    known: options.KnownCameras = None
+
+    def load(self) -> "CameraOptions":
+        """Return what is estimated.
+
+        Raises:
+            ValueError: If a word is not valid.
+        """
+        from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+
+        return CameraOptions.from_text(
+            self.fix or (),
+            self.free or (),
+            self.prior or (),
+            tangential=self.tangential,
+            aspect=1.0 if self.fixed_aspect else None,
+            loss=self.loss,
+            lens=self.lens,
+        )
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ def report_of(results: MotionCaptureExperiment) -> ExperimentReport:
     """Return both charts and the repeat test, ours beside the thesis' (mean and SD in mm)."""
     head = (
         "# Learning an arm under motion capture (thesis, chapter 6)\n\n"
-        f"Ours: {bodies(results.individuals)} in the world `{results.world}`, mean over "
+        f"Ours: {bodies(results.individuals)}, imperfections `{results.world}`, mean over "
         "100 random test poses [mm]. Thesis: the real robot, one run. Samples: on circles + random."
         "\n\n"
     )

@@ -36,10 +36,10 @@ def report_of(results: ToolExperiment) -> ExperimentReport:
     """Return what was learned of the tool, ours and then the thesis', and after a restart."""
     head = (
         "# A tool becomes part of the body (thesis, section 8.4.4)\n\n"
-        f"Ours: {bodies(results.individuals)}, world {results.world!r}, joints play by "
-        f"+-{results.play_deg:g} deg; {_CAMERAS[results.rendered]}. The thesis: its real robot, by "
-        "colour, every parameter of the arm retrained. Mean (SD) on 100 poses that were held out. "
-        "`own 3D`: from where the own cameras see it, the thesis' measure. "
+        f"Ours: {bodies(results.individuals)}, imperfections `{results.world}`, joint "
+        f"noise of +-{results.play_deg:g} deg; {_CAMERAS[results.rendered]}. The thesis: its "
+        "real robot, by colour, every parameter of the arm retrained. Mean (SD) on 100 poses that "
+        "were held out. `own 3D`: from where the own cameras see it, the thesis' measure. "
         f"{_TRUE[results.rendered]}.\n\n"
     )
     title = f"Held-out poses, {bodies(results.individuals)}"

@@ -126,7 +126,7 @@ def report_of(results: VisionExperiment) -> ExperimentReport:
     """Return ours beside the thesis', with charts like figures 7.5 to 7.7."""
     head = (
         "# Learning an arm from pictures (thesis, chapter 7)\n\n"
-        f"Ours: {results.individuals} simulated robot(s) in the world `{results.world}`, seen "
+        f"Ours: {results.individuals} simulated robot(s), imperfections `{results.world}`, seen "
         "through rendered pictures; cameras learned from rendered chessboards "
         f"({results.boards_px:.2f} px rms). Distance of the predicted hand from the tracked one on "
         "new random poses, mean (SD): in space [mm], as a share of the arm, in the image [px]. "

@@ -115,8 +115,7 @@ class RenderedBody:
                 body if watch is None else watch(body),
                 plan,
                 name,
-                source=f"rendered whole nico, world {nico.world.name!r}, individual {self.seed}, "
-                f"session {session}",
+                source=nico.world.origin("rendered whole nico", self.seed, session),
                 seed=self.seed,
                 image_size=nico.image_size,
                 until_seen=1,

@@ -140,12 +140,11 @@ class RenderedNico:
             plan = self.plan(station, circle, free if poses is None else 0, rng)
             if poses is not None:
                 plan += given_commands(station.joints, poses)
-            world = station.world.name
             return record(
                 _observed(body, station) if observed else body,
                 plan,
                 name,
-                source=f"rendered nico, world {world!r}, individual {self.seed}, session {session}",
+                source=station.world.origin("rendered nico", self.seed, session),
                 seed=self.seed,
                 image_size=station.image_size,
                 until_seen=2,

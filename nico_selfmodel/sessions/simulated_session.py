@@ -55,7 +55,7 @@ def simulated_session(
         robot,
         plan,
         name,
-        source=f"simulated {arm.robot}, world {world.name!r}, individual {seed}, session {session}",
+        source=world.origin(f"simulated {arm.robot}", seed, session),
         seed=seed,
         point_sigma_m=world.marker_sigma or None,
         folder=folder,

@@ -120,7 +120,7 @@ def whole_body_session(
         robot,
         [("", command) for command in commands],
         name or f"whole_nico_{seed}_{session}",
-        source=f"simulated whole nico, world {world.name!r}, individual {seed}, session {session}",
+        source=world.origin("simulated whole nico", seed, session),
         seed=seed,
         progress=progress,
     )

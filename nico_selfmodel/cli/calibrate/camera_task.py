@@ -6,43 +6,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nico_selfmodel.cli import inputs, printer
-from nico_selfmodel.cli.option_groups import Bounds, HeldOut
+from nico_selfmodel.cli.option_groups import (
+    BoardChoice,
+    Bounds,
+    HeldOutShare,
+    LensChoice,
+    NamedOutput,
+)
 from nico_selfmodel.cli.result_files import NoReport, stamped, write_with_report
 from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
     from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
     from nico_selfmodel.model.self_model import SelfModel
-    from nico_selfmodel.vision.boards.board_detection import AnyBoard
     from nico_selfmodel.vision.boards.board_detections import BoardDetections
     from nico_selfmodel.viz.reports.page import Report
-
-
-def lens_options(
-    fix: list[str] | None,
-    free: list[str] | None,
-    prior: list[str] | None,
-    tangential: bool,
-    fixed_aspect: bool,
-    loss: str,
-    lens: str,
-) -> "CameraOptions":
-    """Return what is estimated of a lens.
-
-    Raises:
-        ValueError: If a word is not valid.
-    """
-    from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
-
-    return CameraOptions.from_text(
-        fix or (),
-        free or (),
-        prior or (),
-        tangential=tangential,
-        aspect=1.0 if fixed_aspect else None,
-        loss=loss,
-        lens=lens,
-    )
 
 
 @dataclass(frozen=True)
@@ -53,17 +31,14 @@ class CameraTask:
     """Camera -> name of the view and path."""
     folder: Path
     """Where these are: what the self-model is called by."""
-    board: "AnyBoard"
+    board: BoardChoice
     window: int
-    options: "CameraOptions"
-    known: Path | None
-    test_fraction: float | None
-    seed: int
-    name: str | None
+    lens: LensChoice
+    held_out: HeldOutShare
     require_test_px: float | None
-    no_report: bool
+    output: NamedOutput
 
-    def run(self, out: Path, *, force: bool, as_json: bool) -> None:
+    def run(self) -> None:
         """Find the board, learn the cameras, write the result folder and print what was found.
 
         Raises:
@@ -72,23 +47,24 @@ class CameraTask:
         from nico_selfmodel.files.whole import refuse_folder
         from nico_selfmodel.vision.boards.board_detections import detect_boards_of_cameras
 
+        out, force = self.output.out, self.output.force
         refuse_folder(out, force=force, inputs=[self.folder])
-        inputs.refuse_untested(
-            Bounds(None, self.require_test_px), HeldOut(None, self.test_fraction)
-        )
-        known = inputs.model_of(self.known)
-        name = self.name or inputs.name_after(self.folder)
+        inputs.refuse_untested(Bounds(None, self.require_test_px), self.held_out)
+        board, options = self.board.load(), self.lens.load()
+        known = inputs.model_of(self.lens.known)
+        name = self.output.name or inputs.name_after(self.folder)
         with printer.progress_bar() as progress:
-            found = detect_boards_of_cameras(self.images, self.board, self.window, progress)
-            model, report = self._learn(found, known, name, progress)
+            found = detect_boards_of_cameras(self.images, board, self.window, progress)
+            model, report = self._learn(found, options, known, name, progress)
             progress("writing the result", 0, 1)
             write_with_report(out, model, report, force=force)
             progress("writing the result", 1, 1)
-        printer.result(name, report.document, out, json_instead=as_json)
+        printer.result(name, report.document, out, json_instead=self.output.as_json)
 
     def _learn(
         self,
         found: "BoardDetections",
+        options: "CameraOptions",
         known: "SelfModel | None",
         name: str,
         progress: Progress,
@@ -102,10 +78,10 @@ class CameraTask:
         if known is not None:
             cameras_for(known, found.views)  # refused before anything is learned
         train, test = found.views, None
-        if self.test_fraction is not None:
-            train, test = found.seen_views.split(self.test_fraction, self.seed)
+        if self.held_out.test_fraction is not None:
+            train, test = found.seen_views.split(self.held_out.test_fraction, self.held_out.seed)
         progress("learning the cameras", 0, 2)
-        choice = lens_of(train, self.options)
+        choice = lens_of(train, options)
         calibration = choice.calibration
         progress("learning the cameras", 1, 2)
         assessment = CameraAssessment.from_calibration(
@@ -117,7 +93,7 @@ class CameraTask:
         document["lens"] = choice.as_plain()
         progress("learning the cameras", 2, 2)
         model = assessment.calibration.self_model(name, found.provenance)
-        if self.no_report:
+        if self.output.no_report:
             return model, NoReport(document)
         # Drawing is slow to load, and only needed once there is something to draw.
         from nico_selfmodel.viz.reports.cameras import camera_report

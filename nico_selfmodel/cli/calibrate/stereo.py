@@ -5,14 +5,16 @@ from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import inputs, options
-from nico_selfmodel.cli.calibrate.camera_task import CameraTask, lens_options
+from nico_selfmodel.cli import option_groups as groups
+from nico_selfmodel.cli import options
+from nico_selfmodel.cli.calibrate.camera_task import CameraTask
 
 
 def stereo(
-    board: options.Board,
-    square_mm: options.SquareMm,
-    out: options.Out,
+    board: groups.BoardChoice,
+    output: groups.NamedOutput,
+    lens: groups.LensChoice,
+    held_out: groups.HeldOutShare,
     images: options.ImagesOrNone = None,
     left: Annotated[
         str | None, typer.Option("--left", help="Its photographs by a pattern, as 'cam0/*.png'.")
@@ -20,27 +22,11 @@ def stereo(
     right: Annotated[
         str | None, typer.Option("--right", help="The same of the right camera, 'cam1/*.png'.")
     ] = None,
-    tag_mm: options.TagMm = None,
-    family: options.Family = None,
     window: options.Window = 11,
-    lens: options.Lens = "auto",
-    known: options.KnownCameras = None,
-    fix: options.Fix = None,
-    free: options.Free = None,
-    prior: options.Prior = None,
-    tangential: options.Tangential = False,
-    fixed_aspect: options.FixedAspect = False,
-    loss: options.Loss = "trimmed",
-    test_fraction: options.TestFraction = None,
-    seed: options.SplitSeed = 0,
-    name: options.ModelName = None,
     require_test_px: options.RequireTestPx = None,
     swap_cameras: Annotated[
         bool, typer.Option("--swap-cameras", help="Take left* for the right camera's, and so on.")
     ] = False,
-    no_report: options.NoReport = False,
-    force: options.Force = False,
-    as_json: options.AsJson = False,
 ) -> None:
     """Learn a pair of cameras from photographs of a board.
 
@@ -51,12 +37,17 @@ def stereo(
         pairs = [(view, right, left) for view, left, right in pairs]
     of_left = [(view, path) for view, path, _ in pairs]
     of_right = [(view, path) for view, _, path in pairs]
-    CameraTask(
-        *({"left": of_left, "right": of_right}, folder),
-        *(inputs.board(board, square_mm, tag_mm, family), window),
-        lens_options(fix, free, prior, tangential, fixed_aspect, loss, lens),
-        *(known, test_fraction, seed, name, require_test_px, no_report),
-    ).run(out, force=force, as_json=as_json)
+    task = CameraTask(
+        {"left": of_left, "right": of_right},
+        folder,
+        board,
+        window,
+        lens,
+        held_out,
+        require_test_px,
+        output,
+    )
+    task.run()
 
 
 def _pairs(

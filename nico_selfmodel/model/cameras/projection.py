@@ -11,9 +11,6 @@ from nico_selfmodel.names import refuse_unknown
 INTRINSICS = ("fx", "fy", "skew", "cx", "cy", "k1", "k2", "k3", "p1", "p2")
 """Names of what lies inside a camera, in the order of `Camera.values`."""
 
-DISTORTION = INTRINSICS[5:]
-"""Those of them that bend light."""
-
 POLYNOMIAL, RATIONAL, FISHEYE = "polynomial", "rational", "fisheye"
 LENSES = (POLYNOMIAL, RATIONAL, FISHEYE)
 """How a lens bends light: `lens` with three or with six radial coefficients, or `fisheye`."""

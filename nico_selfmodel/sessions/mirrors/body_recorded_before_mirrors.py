@@ -74,8 +74,7 @@ def body_recorded_before_mirrors(
         commands = whole.commands(nico.joints, np.array([q for _, _, q in plan]))
         about = {
             "name": name,
-            "source": f"rendered whole nico before mirrors, world {nico.world.name!r}, individual "
-            f"{seed}, session {session}",
+            "source": nico.world.origin("rendered whole nico before mirrors", seed, session),
             "seed": seed,
             "image_size": nico.image_size,
         }

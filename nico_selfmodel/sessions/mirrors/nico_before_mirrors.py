@@ -226,8 +226,8 @@ class NicoBeforeMirrors:
         nico = self.nico
         return {
             "name": name,
-            "source": f"rendered nico, world {station.world.name!r}, individual {nico.seed}, "
-            f"session {session}, mirrors: {'; '.join(places)}",
+            "source": f"{station.world.origin('rendered nico', nico.seed, session)}, "
+            f"mirrors: {'; '.join(places)}",
             "seed": nico.seed,
             "image_size": station.image_size,
         }

@@ -109,8 +109,7 @@ def session_before_mirrors(
     commands = commands_of_angles(robot.joints, body.lower, body.upper, angles)
     about = {
         "name": name or f"whole_nico_{seed}_{session}_mirrors",
-        "source": f"simulated whole nico before mirrors, world {world.name!r}, individual {seed}, "
-        f"session {session}",
+        "source": world.origin("simulated whole nico before mirrors", seed, session),
         "seed": seed,
     }
     with RecordedSamples(robot.joints, robot.markers, about) as kept:

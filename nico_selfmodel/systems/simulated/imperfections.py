@@ -46,6 +46,10 @@ class Imperfections:
     dropout_share: float = 0.0
     """Share of measurements in which the tracker loses a marker."""
 
+    def origin(self, robot: str, seed: int, session: int) -> str:
+        """Return what a data set of such a robot says of where it comes from."""
+        return f"{robot}, imperfections {self.name!r}, robot {seed}, session {session}"
+
     def with_noise(
         self,
         *,

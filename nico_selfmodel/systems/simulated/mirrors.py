@@ -183,7 +183,7 @@ class SimulatedMirrors:
             marker=np.full(len(encoders), self.__mechanics.chain.markers[0]),
             pixel_sigma_px=self.pixel_sigma,
             image_size=self.__rig.left.image_size,
-            source=f"simulated, individual {self._seed}, mirror {kind}",
+            source=f"simulated, robot {self._seed}, mirror {kind}",
             seed=self._seed,
         )
 
