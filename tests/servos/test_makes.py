@@ -285,6 +285,23 @@ def test_what_a_servo_missed_is_told_again(servos):
     assert servos.arm.cycle().q[[3, 5]] == pytest.approx([0.4, 0.4], abs=count(servos))
 
 
+def test_a_host_that_hangs_now_and_then_does_not_blame_the_servo(servos):
+    """The watchdog of a Dynamixel ends between a look and a goal, which is then refused."""
+    original, hung = servos.bus.sync_write, []
+
+    def late(register, data):
+        if len(hung) < 2:
+            hung.append(data)
+            servos.port.sleep(0.7)
+        original(register, data)
+
+    servos.bus.sync_write = late
+    servos.arm.move({"right_elbow": 0.4})
+    servos.cycle_until_there()
+    assert hung
+    assert servos.arm.cycle().q[3] == pytest.approx(0.4, abs=count(servos))
+
+
 def test_a_servo_that_takes_no_goals_is_a_fault(servos):
     elbow = servos.modules[ELBOW]
     original = elbow.write

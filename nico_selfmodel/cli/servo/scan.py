@@ -26,7 +26,7 @@ def scan(
     found = scan_port(kind, port, baud, min(up_to, kind.addresses[1]))
     if not found.motors:
         at = f"{found.baud} baud" if baud is not None or not kind.keeps_zero else "any rate"
-        more = "" if at == "any rate" else ". Another rate may be set: try --baud"
+        more = "" if at == "any rate" else " Another rate may be set: try --baud"
         raise BusError(
             f"no {kind.unit if kind.unit == 'module' else 'servo'} answers on {port} at {at}: are "
             f"the {kind.title} switched on?{more}"

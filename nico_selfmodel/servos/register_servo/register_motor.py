@@ -19,6 +19,9 @@ _STOPS = 5
 """How often a stop is written before it counts as not taken."""
 _PATIENCE = 0.5
 """How long a servo may hold another goal than it was told [s]: damaged packets are sent again."""
+_TELLINGS = 3
+"""How often it was told in that time at least: a host that hangs tells seldom, and lets the
+watchdog of a Dynamixel end, which then takes no goal until it is told again."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ class RegisterMotor(ABC):
         """The last that was read."""
         self.seen = -math.inf
         """When [s]."""
-        self._differs_since = math.inf
+        self._differs_since, self._tellings = math.inf, 0
 
     @property
     def counts(self) -> LinkCounts:
@@ -137,15 +140,16 @@ class RegisterMotor(ABC):
         state = self.look()
         fault = state.fault
         if self.told is None or state.goal == self.told:
-            self._differs_since = math.inf
+            self._differs_since, self._tellings = math.inf, 0
             if self._stalled(state):
                 self.recover()
         elif not self.waiting:
             self.waiting = True
             self.counts.refused += 1
             self._differs_since = min(self._differs_since, self.now)
+            self._tellings += 1
             self.recover()
-        if self.now - self._differs_since > _PATIENCE:
+        if self._tellings > _TELLINGS and self.now - self._differs_since > _PATIENCE:
             fault = fault or "it does not take its goals; switch it off and on, then enable it"
         return Reading(state.position, state.commanded, state.standing, fault)
 
