@@ -75,7 +75,7 @@ def gaze(
         printer.line(f"{name:24} sees it at {u:.1f}, {v:.1f} px")
     if told.looks:
         away = 1000 * float(np.linalg.norm(told.offset))
-        printer.line(f"{away:.1f} mm from where the body expects it, it was seen")
+        printer.line(f"it was seen {away:.1f} mm from where the body expects it")
     if found.misaligned_px > 1.0:
         printer.line(f"{found.misaligned_px:.0f} px are how the cameras stand to each other")
 

@@ -1,6 +1,7 @@
 """`nico-selfmodel simulate`: data of a simulated body."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated
 
 import typer
@@ -82,18 +83,17 @@ def motion_capture(
     printer.dataset(data, out)
 
 
-def whole_body(
-    out: options.Out,
-    imperfections: options.Imperfections = "thesis",
-    seed: options.RobotSeed = 0,
-    session: options.Session = 0,
+@dataclass(frozen=True)
+class Looks(groups.OptionGroup):
+    """What a whole body looks at."""
+
     looks: Annotated[
         int | None,
         typer.Option("--looks", min=0, help="Poses in which the head looks about the room; 60."),
-    ] = None,
+    ] = None
     hands: Annotated[
         int | None, typer.Option("--hands", min=0, help="Poses of each hand before cameras; 80.")
-    ] = None,
+    ] = None
     mirror: Annotated[
         list[str] | None,
         typer.Option(
@@ -103,10 +103,25 @@ def whole_body(
             "straight ahead, turned to the right and upwards. Repeat for more; ID alone stands "
             "300 mm away, leaning back by 20 deg.",
         ),
-    ] = None,
+    ] = None
     reflections: Annotated[
         int | None, typer.Option("--reflections", min=1, help="Poses before each mirror; 20.")
-    ] = None,
+    ] = None
+
+    def directly(self) -> tuple[int, int]:
+        """Return poses about the room and of each hand: where a mirror is named, those asked."""
+        return tuple(
+            (0 if self.mirror else most) if asked is None else asked
+            for asked, most in ((self.looks, _LOOKS), (self.hands, _HANDS))
+        )  # pyright: ignore[reportReturnType]
+
+
+def whole_body(
+    out: options.Out,
+    looked: Looks,
+    imperfections: options.Imperfections = "thesis",
+    seed: options.RobotSeed = 0,
+    session: options.Session = 0,
     joint_noise_deg: options.JointNoise = None,
     force: options.Force = False,
 ) -> None:
@@ -125,33 +140,19 @@ def whole_body(
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
     refuse_existing(out, force=force)
-    name, mirrors = inputs.name_after(out), mirrors_of_words(mirror or ())
-    if reflections is not None and not mirrors:
+    name, mirrors = inputs.name_after(out), mirrors_of_words(looked.mirror or ())
+    if looked.reflections is not None and not mirrors:
         raise ValueError("--reflections are seen in a mirror: give --mirror")
-    looks, hands = (
-        (0 if mirrors else most) if asked is None else asked
-        for asked, most in ((looks, _LOOKS), (hands, _HANDS))
-    )
-    world = imperfections_named(imperfections).with_noise(play_deg=joint_noise_deg)
+    looks, hands = looked.directly()
+    robot = (imperfections_named(imperfections).with_noise(play_deg=joint_noise_deg), seed, session)
     found = []
     with printer.progress_bar() as progress:
-
-        def tell(done: int, total: int) -> None:
-            progress("moving", done, total)
-
+        about = {"name": name, "progress": partial(progress, "moving")}
         if looks + hands or not mirrors:
-            found.append(
-                whole_body_session(
-                    world, seed, session, looks=looks, hands=hands, name=name, progress=tell
-                )
-            )
+            found.append(whole_body_session(*robot, looks=looks, hands=hands, **about))
         if mirrors:
-            poses = _REFLECTIONS if reflections is None else reflections
-            found.append(
-                session_before_mirrors(
-                    world, seed, session, mirrors, poses=poses, name=name, progress=tell
-                ).data
-            )
+            poses = looked.reflections or _REFLECTIONS
+            found.append(session_before_mirrors(*robot, mirrors, poses=poses, **about).data)
     data = joined(found[0], found[1], name) if len(found) == 2 else found[0]
     save_body_dataset(data, out, force=force)
     printer.body_dataset(data, out)

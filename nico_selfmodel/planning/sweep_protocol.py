@@ -10,27 +10,29 @@ from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.planning.plans import Plan, random_commands, sweep_commands
 from nico_selfmodel.plant import ArmDescription
 
-_NICO_HOME = {
-    "shoulder_pitch": -50.0,
-    "shoulder_roll": 30.0,
-    "upper_arm_twist": -20.0,
-    "elbow": -75.0,
+
+@dataclass(frozen=True)
+class _Swept:
+    """How a joint of a known robot is swept [deg]."""
+
+    home: float
+    """Where it stands while others are swept."""
+    arc: float
+    """What the tracker sees of its circle."""
+    range: float
+    """Where random poses keep the hand in sight."""
+
+
+# The elbow is bent, so that no joint's axis passes near the hand.
+_SWEPT = {
+    "nico": {
+        "shoulder_pitch": _Swept(home=-50.0, arc=48.0, range=90.0),
+        "shoulder_roll": _Swept(home=30.0, arc=63.0, range=80.0),
+        "upper_arm_twist": _Swept(home=-20.0, arc=100.0, range=120.0),
+        "elbow": _Swept(home=-75.0, arc=64.0, range=100.0),
+    }
 }
-"""Elbow bent, so that no joint's axis passes near the hand [deg]."""
-_NICO_ARCS = {
-    "shoulder_pitch": 48.0,
-    "shoulder_roll": 63.0,
-    "upper_arm_twist": 100.0,
-    "elbow": 64.0,
-}
-"""What the tracker sees of each joint's circle [deg]."""
-_NICO_RANGES = {
-    "shoulder_pitch": 90.0,
-    "shoulder_roll": 80.0,
-    "upper_arm_twist": 120.0,
-    "elbow": 100.0,
-}
-"""Where random poses keep the hand in sight [deg]."""
+"""Robot -> joint, of whichever side -> how it is swept."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,17 +54,17 @@ class SweepProtocol:
 
     @classmethod
     def for_arm(cls, arm: ArmDescription) -> "SweepProtocol":
-        """Return a protocol that suits an arm: Nico's own, or up to 120 deg within the stops."""
+        """Return what suits an arm: the robot's own, or up to 120 deg within the stops."""
         span = np.degrees(arm.upper - arm.lower)
         lower = np.degrees(arm.lower)
         home = 0.5 * np.ones(len(span))
         arcs = np.minimum(1.0, 120.0 / span)
         ranges = arcs.copy()
+        known = _SWEPT.get(arm.robot, {})
         for i, joint in enumerate(arm.joints):
-            part = joint.split("_", 1)[1] if "_" in joint else joint
-            if arm.robot == "nico" and part in _NICO_HOME:
-                home[i] = (_NICO_HOME[part] - lower[i]) / span[i]
-                arcs[i], ranges[i] = _NICO_ARCS[part] / span[i], _NICO_RANGES[part] / span[i]
+            if swept := known.get(joint.split("_", 1)[-1]):
+                home[i] = (swept.home - lower[i]) / span[i]
+                arcs[i], ranges[i] = swept.arc / span[i], swept.range / span[i]
         return cls(home, arcs, ranges)
 
     def on_share_of_arcs(self, share: float) -> "SweepProtocol":

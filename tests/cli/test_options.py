@@ -6,6 +6,18 @@ from collections import defaultdict
 import pytest
 
 from nico_selfmodel.cli.app import _tree
+from nico_selfmodel.estimation.bending.steps import STEPS
+from nico_selfmodel.estimation.body.body_options import STAGES, VARIANTS
+from nico_selfmodel.estimation.cameras.camera_options import AUTO
+from nico_selfmodel.model.camera_formats.formats import FORMATS
+from nico_selfmodel.model.cameras.projection import LENSES
+from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
+from nico_selfmodel.planning.pose_selection import CRITERIA
+from nico_selfmodel.plant.robots import ROBOTS
+from nico_selfmodel.servos.makes import MAKES
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
+from nico_selfmodel.vision.boards.board_kinds import CHESSBOARD, KINDS
+from nico_selfmodel.vision.markers.marker_sheet import PAPERS
 
 SEVERAL_MEANINGS = {
     *("--out", "--seed", "--sensor", "--mirror", "--random"),  # what is made; of what; who watches
@@ -84,3 +96,29 @@ def test_what_learns_takes_data_first_and_what_uses_a_model_takes_that_first():
             assert "--out" in options_of(command)
         elif "dataset" in arguments and name != "convert":  # which uses no model
             assert arguments == ["model", "dataset"], name
+
+
+@pytest.mark.parametrize(
+    ("option", "names"),
+    [
+        ("--board", [kind for kind in KINDS if kind != CHESSBOARD]),
+        ("--lens", [AUTO, *LENSES]),
+        ("--effects", ["auto", "none", *STEPS]),
+        ("--loss", ROBUST_METHODS),
+        ("--format", FORMATS),
+        ("--make", MAKES),
+        ("--paper", PAPERS),
+        ("--stage", STAGES),
+        ("--variant", VARIANTS),
+        ("--imperfections", IMPERFECTIONS),
+        ("--arms", ["right", "left", "both"]),
+        ("--robot", ROBOTS),
+        ("--arm", ROBOTS["nico"]),
+        ("--criterion", CRITERIA),
+    ],
+)
+def test_the_help_of_an_option_names_all_that_can_be_chosen(option, names):
+    said = [helps[option] for helps in map(options_of, COMMANDS.values()) if option in helps]
+    assert said
+    missing = {name for name in names for text in said if not re.search(rf"\b{name}\b", text)}
+    assert missing == set()

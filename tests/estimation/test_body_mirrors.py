@@ -73,7 +73,8 @@ def test_one_pose_does_not_tell_whether_a_glass_is_flat(looked):
     seen, body = looked
     pose = seen.data.observations.pose
     one = seen.data.select(np.arange(len(seen.data.sample)) == pose.min())
-    found = calibrate_body_mirrors(one, body).found
+    found = calibrate_body_mirrors(one, body, name="before a mirror").found
+    assert found.name == "before a mirror"
     assert set(found.flatness.values()) == {None}
     assert any("too few poses to test whether" in words for words in judge(found).warnings)
 

@@ -205,8 +205,8 @@ def refit_tree(
         ValueError: If a name does not exist.
     """
     clock, parameters = time.perf_counter(), TreeParameters(tree)
-    for name in sorted(free):
-        refuse_unknown("parameter", name, parameters.names)
+    for one in sorted(free):
+        refuse_unknown("parameter", one, parameters.names)
     setup = TreeSetup(frozenset(free), {}, {}, world, world)
     first = TreeStart(start, parameters, setup, parameters.values_of(begin or tree), 0.0)
 
