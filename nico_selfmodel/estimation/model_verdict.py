@@ -28,6 +28,7 @@ from nico_selfmodel.estimation.results.verdict import (
     Verdict,
     significantly_above,
 )
+from nico_selfmodel.estimation.tree.compared_errors import RELATIVE
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
@@ -85,12 +86,14 @@ def judge_body_errors(
         than false detections explain; NOT_EVALUATED where the body does not say what to expect, or
         the poses are too few.
     """
-    expected, found = model.expected.get(errors.unit), errors.compared
+    expected, found = model.expected.get(errors.compared_by), errors.compared
+    median_key = "median" if errors.relative_to is None else RELATIVE
     if expected is None or min(expected["n"], len(found)) < FEWEST_COMPARED:
         return Verdict("NOT_EVALUATED", ("there is too little to compare the error with",))
-    scale = 1e3 if errors.unit == "mm" else 1.0
     counts = len(found), int(expected["n"])
-    one = _Compared.of(found, float(expected["median"]), *counts, scale, errors.unit)
+    one = _Compared.of(
+        found, float(expected[median_key]), *counts, errors.compared_size, errors.unit
+    )
     medians = f"median {one.found}, expected {one.expected}"
     if one.above:
         words = f"the error ({medians}) is significantly above that of the training poses"

@@ -18,9 +18,9 @@ from nico_selfmodel.estimation.monitoring.relearning import left_by_cause
 from nico_selfmodel.estimation.monitoring.tool import rezero
 from nico_selfmodel.estimation.noise.contradictions import most_expected
 from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
+from nico_selfmodel.estimation.tree.compared_errors import errors_of_tree
 from nico_selfmodel.estimation.tree.tree_errors import errors_of
 from nico_selfmodel.estimation.tree.tree_parameters import FRAME_PARTS
-from nico_selfmodel.estimation.tree.tree_result import errors_of_tree
 from nico_selfmodel.model.tree.body_model import BodyModel
 
 from ..slow_rest import slow_rest

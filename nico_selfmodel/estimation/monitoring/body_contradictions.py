@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.sensors import DISTANCE
+from nico_selfmodel.dataset.body.sensors import SIGHTS
 from nico_selfmodel.estimation.monitoring.body_health import (
     false_share,
     shown_covariance,
@@ -43,7 +43,7 @@ def body_contradictions(model: BodyModel, data: BodyDataset) -> Contradictions |
         return None
     told = told_as(model.tree, data)
     kinds = np.array([sensor.kind for sensor in told.sensors])
-    seen = TreeObservations.of(told, kinds[told.observations.sensor] != DISTANCE)
+    seen = TreeObservations.of(told, np.isin(kinds[told.observations.sensor], SIGHTS))
     known = [model.noise.get(name, 0.0) for name in seen.noise_groups]
     if not known or min(known) <= 0.0:
         return None

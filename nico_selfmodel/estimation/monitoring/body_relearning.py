@@ -17,9 +17,10 @@ from nico_selfmodel.estimation.monitoring.health import HealthReport
 from nico_selfmodel.estimation.noise.contradictions import Contradictions
 from nico_selfmodel.estimation.results.verdict import outliers_are_many
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
-from nico_selfmodel.estimation.tree.known.learned_anew import LearnedAnew, known_noise, learn_anew
+from nico_selfmodel.estimation.tree.known.learned_anew import LearnedAnew, learn_anew
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, errors_of, told_as
+from nico_selfmodel.estimation.tree.tree_noise import noise_named
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import FRAME_PARTS, SHIFTS, TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
@@ -190,7 +191,7 @@ def _relearned(
 ) -> LearnedAnew:
     """Learn some parameters from a start that may be far: roughly first."""
     seen = TreeObservations.of(told)
-    noise = known_noise(model, seen)
+    noise = noise_named(model.noise, seen)
     if noise is None:
         raise ModelError(
             f"body {model.name!r} does not say the noise of its sensors and joints, which a few "

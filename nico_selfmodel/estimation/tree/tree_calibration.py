@@ -22,7 +22,7 @@ from nico_selfmodel.estimation.tree.contradictions.standing_still import check_t
 from nico_selfmodel.estimation.tree.contradictions.told_values import agreeing_start
 from nico_selfmodel.estimation.tree.contradictions.wrong_units import start_in_stated_units
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
-from nico_selfmodel.estimation.tree.start_search import FoundStart, agreeing, searched_start
+from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart, agreeing, searched_start
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, cross_validated, errors_of
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
+from nico_selfmodel.dataset.body.sensors import CAMERA
 from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
 from nico_selfmodel.estimation.diagnosis.flatness import bent_reasons
 from nico_selfmodel.estimation.results.calibration_result import (
@@ -205,7 +205,7 @@ def _outlier_words(calibration: TreeCalibration) -> list[str]:
 
 def _held_out_words(test: TreeErrors) -> str:
     """State the held-out errors."""
-    pixels, points = test.of_kind(CAMERA), test.of_kind(POINTS, POSES)
+    pixels, points = test.of_kind(CAMERA), test.of_kind(*test.in_space)
     parts = [f"{1e3 * points.mean():.3g} mm"] if len(points) else []
     parts += [f"{pixels.mean():.3g} px"] if len(pixels) else []
     poses = len(np.unique(test.observations.pose))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
 from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
-from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES
+from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES, SIGHTS
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.tree.guesses.camera_guess import cameras_from_markers, resected
 from nico_selfmodel.estimation.tree.guesses.cameras_around import cameras_all_around
@@ -80,7 +80,7 @@ def _from_nothing(
         return body_from_carried_cameras(data, blank, observations, seed)
     standing = [rows for rows in observations.sensors if data.sensors[rows.sensor].on == "world"]
     trackers = [rows for rows in standing if rows.kind in (POINTS, POSES)]
-    cameras = {data.sensors[r.sensor].name: r for r in standing if r.kind == CAMERA}
+    cameras = {r.name: r for r in standing if r.kind == CAMERA}
     if trackers:
         first = trackers[0]
         points = SeenPoints(first.pose, first.marker, first.measured[:, :3])
@@ -100,6 +100,11 @@ def _from_nothing(
         factor = _scale(data, points)
         points = replace(points, p_WM=factor * points.p_WM)
         places = {name: _larger(X, factor) for name, X in places.items()}
+    elif not standing:
+        raise DataError(
+            "touches and distances alone cannot tell a body from nothing: give the robot's "
+            "description, or record with two cameras or a tracker, too"
+        )
     else:
         raise DataError(
             "one camera alone cannot tell a body from nothing: give the robot's description, "
@@ -175,7 +180,7 @@ def _with_orientations(
     for rows in observations.sensors:
         if rows.kind != POSES:
             continue
-        R_WS = motion.pose_of(places[data.sensors[rows.sensor].name])[0]
+        R_WS = motion.pose_of(places[rows.name])[0]
         for m in np.unique(rows.marker).tolist():
             own = np.flatnonzero(rows.marker == m)
             pose = rows.pose[own]
@@ -220,7 +225,7 @@ def _other_markers(data: BodyDataset, tree: BodyTree, observations: TreeObservat
     for rows in observations.sensors:
         if rows.kind not in (POSES, POINTS):
             continue
-        R_WS, p_WS = motion.pose_of(places[data.sensors[rows.sensor].name])
+        R_WS, p_WS = motion.pose_of(places[rows.name])
         for m in np.unique(rows.marker).tolist():
             own = rows.marker == m
             pose = rows.pose[own]
@@ -241,7 +246,7 @@ def _described(
     places = {}
     for rows in observations.sensors:
         info = data.sensors[rows.sensor]
-        if info.kind == DISTANCE:
+        if info.kind not in SIGHTS:
             continue
         expected = motion.points(rows.marker, rows.pose)
         sensor = next(s for s in tree.sensors if s.name == info.name)

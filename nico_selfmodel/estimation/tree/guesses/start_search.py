@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.estimation.tree.boards.surroundings import Surroundings
 from nico_selfmodel.estimation.tree.guesses.first_guess import first_bodies
+from nico_selfmodel.estimation.tree.guesses.touch_guess import Touches
 from nico_selfmodel.estimation.tree.mirrors.mirrored_tree import seen_directly
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_setup import Description, Wishes
@@ -62,7 +63,7 @@ def searched_start(
 
     guessed: Iterable[tuple[str, BodyTree]] = [("boards", around.alone(blank))]
     if direct is not None:
-        seen = TreeObservations.of(direct)
+        seen = TreeObservations.of(direct, ~Touches.of(direct).rows)
         guessed = first_bodies(direct, blank, seen, description, around.cameras, seed)
     for label, tree in guessed:
         tree = around.about(tree)
