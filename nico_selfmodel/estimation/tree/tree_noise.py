@@ -19,7 +19,7 @@ from nico_selfmodel.estimation.noise.variance_components import (
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
-from nico_selfmodel.model.tree.body_tree import FLANGE, WHOLE_POSES
+from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, WHOLE_POSES
 from nico_selfmodel.optimization.losses import Loss, robust_scale
 from nico_selfmodel.optimization.uncertainty import covariance_told_by
 
@@ -89,6 +89,21 @@ def _scale_at_first(data: TreeObservations, rows: SensorRows, norms: NDArray) ->
         return 1.0
     scale = robust_scale(norms, rows.measured.shape[1])
     return max(scale, 1.0) if rows.kind in TOUCHES else scale
+
+
+def names_of_noise(noise: TreeNoise, seen: TreeObservations) -> dict[str, float]:
+    """Return the standard deviations of sensors and joints, by name [m, rad or px].
+
+    Args:
+        noise: What disturbs a recording.
+        seen: The recording.
+    """
+    out = dict(zip(seen.noise_groups, noise.sensor.tolist(), strict=True))
+    for (i, part), sigma in zip(seen.noisy_joints, noise.joint.tolist(), strict=True):
+        joint = seen.data.joints[i]
+        suffix = "" if joint.motion != FLANGE else (" turn" if part < 3 else " place")
+        out |= {} if joint.motion == FREE else {f"{joint.name}{suffix}": sigma}
+    return out
 
 
 def noise_named(names: Mapping[str, float], seen: TreeObservations) -> TreeNoise | None:

@@ -20,15 +20,12 @@ from nico_selfmodel.estimation.tree.compared_errors import (
     COMPARED,
     errors_of_tree,
     expected_errors,
-    usual_errors,
 )
 from nico_selfmodel.estimation.tree.guesses.hand_eye import only_axis
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
-from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.estimation.tree.tree_findings import (
     SCALE,
     alike_errors,
-    noise_by_name,
     tree_findings,
 )
 from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, TURNS
@@ -54,12 +51,9 @@ def tree_result(calibration: TreeCalibration) -> CalibrationResult:
     """
     solution, data = calibration.solution, calibration.data
     crossed, held = calibration.cross_validation, calibration.test
-    usual, test, among = _usual(calibration, calibration.train), None, COMPARED
-    if held is not None:
-        usual_held = None if usual is None else _usual(calibration, held)
-        usual = None if usual_held is None else usual
-        test = errors_of_tree(held, usual=usual_held)
-        among = (test.compared_by,)
+    test = None if held is None else errors_of_tree(held, usual=calibration.usual_test)
+    among = COMPARED if test is None else (test.compared_by,)
+    usual = None if test is not None and test.relative_to is None else calibration.usual
     inliers = ~solution.outliers
     poses = data.observations.pose[solution.outliers]
     return CalibrationResult(
@@ -80,13 +74,6 @@ def tree_result(calibration: TreeCalibration) -> CalibrationResult:
         details=_details(calibration),
         terms=_TERMS,
     )
-
-
-def _usual(calibration: TreeCalibration, errors: TreeErrors) -> NDArray | None:
-    """Return what noise alone lets expect of a recording; None where boards move freely in it."""
-    if errors.observations.data.free_joints:
-        return None
-    return usual_errors(calibration.tree, errors.observations, noise_by_name(calibration))
 
 
 def body_model(calibration: TreeCalibration) -> BodyModel:
@@ -116,11 +103,11 @@ def body_model(calibration: TreeCalibration) -> BodyModel:
         tree,
         np.array([joint.si_per_unit for joint in joints]),
         ParameterCovariance(tuple(names[i] for i in kept), covariance[np.ix_(kept, kept)]),
-        noise_by_name(calibration),
+        calibration.noise,
         expected_errors(
             calibration.cross_validation or calibration.train,
             ~calibration.solution.outliers,
-            _usual(calibration, calibration.train),
+            calibration.usual,
         ),
         provenance,
         np.array(
@@ -213,7 +200,7 @@ def _details(calibration: TreeCalibration) -> dict[str, Any]:
             "tried": calibration.starts,
             "agreeing": calibration.agreeing,
         },
-        "noise": dict(noise_by_name(calibration)),
+        "noise": dict(calibration.noise),
         "noise_known": solution.variances_known,
         "alike_errors": alike_errors(calibration),
         "slips": {

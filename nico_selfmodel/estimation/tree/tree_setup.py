@@ -125,20 +125,16 @@ def blank_body(data: BodyDataset, lenses: Mapping[str, Camera]) -> BodyTree:
 
     Args:
         data: The recording.
-        lenses: Intrinsics of cameras, by name; the recording's own where they are not given.
-
-    Raises:
-        DataError: If a camera has no lens.
+        lenses: Intrinsics of cameras, by name; the recording's own where they are not given, and
+            any where neither is.
     """
     found: dict[str, Camera] = {}
     for info in data.sensors:
         if info.kind == CAMERA:
             lens = lenses.get(info.name, info.camera)
             if lens is None:
-                raise DataError(
-                    f"nothing tells the lens of camera {info.name!r}: put 'lens' and 'image_size' "
-                    "into dataset.yaml, or give calibrated cameras"
-                )
+                width, height = info.image_size or (1, 1)
+                lens = Camera(width, width, 0.5 * width, 0.5 * height, (width, height))
             found[info.name] = lens
     n = len(data.joints)
     identity = np.eye(4)
