@@ -161,7 +161,7 @@ _GROUPS: dict[str, tuple[str, Callable[[], Commands]]] = {
 
 
 ORDER = (
-    *("learn", "record", "simulate", "import", "convert", "choose-poses"),
+    *("learn", "record", "simulate", "import", "convert", "join", "choose-poses"),
     *("calibrate", "evaluate", "monitor", "rezero"),
     *("predict", "gaze", "locate", "look", "view", "live", "export-urdf", "export"),
     *("detect", "pick-color", "markers", "servo", "hand", "experiment"),

@@ -9,11 +9,11 @@ from nico_selfmodel.cli import options, printer
 
 
 def join(
-    datasets: Annotated[list[Path], typer.Argument(help="Folders of data sets.")],
+    datasets: Annotated[list[Path], typer.Argument(help="Folders of recordings of one body.")],
     out: options.Out,
     force: options.Force = False,
 ) -> None:
-    """Write recordings of one body as one, whichever sensors each has.
+    """Write recordings of one body as one, with the sensors of each.
 
     What has one name in several is one marker, sensor or mirror, and must be the same in all;
     joints too. Samples are numbered anew.

@@ -8,8 +8,7 @@ import pytest
 
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.model_verdict import judge_body_errors, judge_evaluation
-from nico_selfmodel.estimation.monitoring.body_contradictions import body_contradictions
-from nico_selfmodel.estimation.monitoring.body_health import check_body_health
+from nico_selfmodel.estimation.monitoring.body_health import body_contradictions, check_body_health
 from nico_selfmodel.estimation.monitoring.body_relearning import relearn_body, rezero_body
 from nico_selfmodel.estimation.monitoring.diagnosis import Diagnosis, Hypothesis
 from nico_selfmodel.estimation.monitoring.health import check_health

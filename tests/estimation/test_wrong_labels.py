@@ -7,8 +7,7 @@ import pytest
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.model_verdict import judge_body_errors
-from nico_selfmodel.estimation.monitoring.body_contradictions import body_contradictions
-from nico_selfmodel.estimation.monitoring.body_health import check_body_health
+from nico_selfmodel.estimation.monitoring.body_health import body_contradictions, check_body_health
 from nico_selfmodel.estimation.monitoring.body_relearning import relearn_body
 from nico_selfmodel.estimation.tree.compared_errors import (
     alone_off,

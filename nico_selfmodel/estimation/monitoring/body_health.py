@@ -13,7 +13,11 @@ from nico_selfmodel.estimation.monitoring.body_causes import body_causes, body_c
 from nico_selfmodel.estimation.monitoring.diagnosis import ranked_causes
 from nico_selfmodel.estimation.monitoring.health import HealthReport, in_turn, watched
 from nico_selfmodel.estimation.monitoring.white_poses import white_poses
-from nico_selfmodel.estimation.noise.contradictions import LEAST_SHARE
+from nico_selfmodel.estimation.noise.contradictions import (
+    LEAST_SHARE,
+    Contradictions,
+    contradictions,
+)
 from nico_selfmodel.estimation.noise.hand_observations import laid_out
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 from nico_selfmodel.model.noise_mixture import NoiseMixture
@@ -112,3 +116,26 @@ def with_tail(model: BodyModel) -> NoiseMixture:
     poses = max((int(entry.get("n", 0)) for entry in model.expected.values()), default=0)
     tail = WIDER * core
     return NoiseMixture(core, core, tail, tail, TAIL_SHARE, LEAST_SHARE, poses or _ABOUT)
+
+
+def body_contradictions(model: BodyModel, data: BodyDataset) -> Contradictions | None:
+    """Return which poses are further off than a body and its sensors' noise explain.
+
+    What is off on its own, as a wrong label is, does not count.
+
+    Args:
+        model: The body.
+        data: A recording of it.
+
+    Returns:
+        None where the body does not say a sensor's noise, where boards move freely, or nothing was
+        seen.
+
+    Raises:
+        DataError: If the recording is of another body.
+    """
+    found = None if data.free_joints else white_poses(model, data)
+    if found is None:
+        return None
+    poses, share = found.residuals, false_share(found.detections)
+    return contradictions(poses, with_tail(model), shown_covariance(model, poses), share)

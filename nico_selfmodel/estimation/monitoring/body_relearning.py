@@ -11,7 +11,7 @@ from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import POSES
 from nico_selfmodel.errors import ContradictedError, DataError, ModelError
-from nico_selfmodel.estimation.monitoring.body_contradictions import body_contradictions
+from nico_selfmodel.estimation.monitoring.body_health import body_contradictions
 from nico_selfmodel.estimation.monitoring.body_zeros import likely_zeros
 from nico_selfmodel.estimation.monitoring.health import HealthReport
 from nico_selfmodel.estimation.noise.contradictions import Contradictions
