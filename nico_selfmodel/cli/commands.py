@@ -19,6 +19,7 @@ def _alone() -> Commands:
         evaluate,
         export_urdf,
         gaze,
+        join,
         live,
         locate,
         look,
@@ -41,6 +42,7 @@ def _alone() -> Commands:
         "gaze": gaze.gaze,
         "choose-poses": choose_poses.choose_poses,
         "convert": convert.convert,
+        "join": join.join,
         "export-urdf": export_urdf.export_urdf,
         "locate": locate.locate,
         "look": look.look,
@@ -159,7 +161,7 @@ _GROUPS: dict[str, tuple[str, Callable[[], Commands]]] = {
 
 
 ORDER = (
-    *("learn", "record", "simulate", "import", "convert", "choose-poses"),
+    *("learn", "record", "simulate", "import", "convert", "join", "choose-poses"),
     *("calibrate", "evaluate", "monitor", "rezero"),
     *("predict", "gaze", "locate", "look", "view", "live", "export-urdf", "export"),
     *("detect", "pick-color", "markers", "servo", "hand", "experiment"),

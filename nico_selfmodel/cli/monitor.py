@@ -34,7 +34,7 @@ def monitor(
     if is_body(model):
         _check_relearn(model, dataset, out, relearn=relearn, force=force)
         if sensor == "points":
-            raise ValueError("--sensor points: a whole body is watched by its own cameras' pixels")
+            raise ValueError("--sensor points: a whole body is watched by all that saw it")
         _monitor_body(model, dataset, out, force=force, as_json=as_json)
     from nico_selfmodel.dataset.folder import load_dataset
     from nico_selfmodel.estimation.monitoring.health import check_health

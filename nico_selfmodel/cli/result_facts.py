@@ -19,7 +19,7 @@ def fact_rows(document: Mapping[str, Any]) -> list[list[str]]:
     Args:
         document: What is in a `result.json`.
     """
-    found = (_noise, _workspace, _known, _boards, _mirrors, _tool, _zeros)
+    found = (_noise, _workspace, _known, _boards, _mirrors, _touches, _tool, _zeros)
     return [[name, value] for of in found for name, value in of(document)]
 
 
@@ -82,6 +82,14 @@ def _mirrors(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             called("mirror", name),
             f"{entry['poses']} poses, {entry['distance_mm']:.0f} mm from {start}, {known}, {flat}",
         )
+
+
+def _touches(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    for name, entry in document.get("touches", {}).items():
+        held_out = ""
+        if "test_n" in entry:
+            held_out = f", {entry['test_rms_mm']:.3g} mm in {entry['test_n']} held out"
+        yield f"{name} is missed by", f"{entry['rms_mm']:.3g} mm rms in {entry['n']}{held_out}"
 
 
 def _tool(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

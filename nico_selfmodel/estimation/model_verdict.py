@@ -1,5 +1,6 @@
 """PASS, FAIL or NOT_EVALUATED for a self-model held against new data."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,12 +26,17 @@ from nico_selfmodel.estimation.results.calibration_result import Errors
 from nico_selfmodel.estimation.results.verdict import (
     FEWEST_COMPARED,
     MOST_OUTLIERS,
+    SIGNIFICANT,
     Verdict,
     significantly_above,
 )
+from nico_selfmodel.estimation.tree.compared_errors import RELATIVE, RELATIVE_TAIL
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
+
+_IN_TEN, _OFTEN = 0.1, 0.25
+"""Share of the poses that were so far off in training, and from which on it is worth a failure."""
 
 
 def judge_evaluation(
@@ -85,21 +91,41 @@ def judge_body_errors(
         than false detections explain; NOT_EVALUATED where the body does not say what to expect, or
         the poses are too few.
     """
-    expected, found = model.expected.get(errors.unit), errors.compared
+    expected, found = model.expected.get(errors.compared_by), errors.compared
+    median_key = "median" if errors.relative_to is None else RELATIVE
     if expected is None or min(expected["n"], len(found)) < FEWEST_COMPARED:
         return Verdict("NOT_EVALUATED", ("there is too little to compare the error with",))
-    scale = 1e3 if errors.unit == "mm" else 1.0
     counts = len(found), int(expected["n"])
-    one = _Compared.of(found, float(expected["median"]), *counts, scale, errors.unit)
+    one = _Compared.of(
+        found, float(expected[median_key]), *counts, errors.compared_size, errors.unit
+    )
     medians = f"median {one.found}, expected {one.expected}"
     if one.above:
         words = f"the error ({medians}) is significantly above that of the training poses"
         return Verdict("FAIL", (f"{words}: {WHAT_CHANGED}",))
+    often = _often_above(errors, expected)
+    if often:
+        return Verdict("FAIL", (f"{often}: {WHAT_CHANGED}",))
     within = f"the error ({medians}) is that of the training poses"
     if against is not None and against.too_many:
         return Verdict("FAIL", (f"{against.words}: {WHERE_TO_LOOK}",))
     named = f"; {against.words}" if against is not None and against.count else ""
     return Verdict("PASS", (f"{within}{named}",))
+
+
+def _often_above(errors: Errors, expected: Mapping[str, float]) -> str:
+    """Say that poses are more often far off than those of training were; empty where not.
+
+    Half of the poses may be as they were, and hide in the median what the others show.
+    """
+    if errors.relative_to is None or RELATIVE_TAIL not in expected:
+        return ""
+    count, n = int(np.sum(errors.compared > expected[RELATIVE_TAIL])), len(errors.compared)
+    spread = np.sqrt(_IN_TEN * (1.0 - _IN_TEN) * (1.0 / n + 1.0 / expected["n"]))
+    if count / n < _OFTEN or (count / n - _IN_TEN) / spread < SIGNIFICANT:
+        return ""
+    limit = f"{errors.compared_size * expected[RELATIVE_TAIL]:.2f} {errors.unit}"
+    return f"{count} of {n} poses are further off than {limit}, as one in ten was in training"
 
 
 @dataclass(frozen=True)

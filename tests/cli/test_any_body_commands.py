@@ -128,12 +128,54 @@ def test_hand_eye_of_a_real_arm_is_where_its_joints_say_as_surely_as_it_says(fol
 def test_the_commands_of_the_document_are_those_that_are_tested(project_root):
     text = (project_root / "docs" / "any-robot.md").read_text(encoding="utf-8")
     found = re.findall(r"^nico-selfmodel (.*)$", text, re.MULTILINE)
-    assert [line.split()[:2] for line in found[-4:]] == [
+    assert [line.split()[:2] for line in found[-5:]] == [
         ["calibrate", "body"],
         ["evaluate", "two_arms_body"],
         ["predict", "two_arms_body"],
+        ["join", "by_cameras"],
         ["calibrate", "hand-eye"],
     ]
+
+
+def test_recordings_with_touches_are_joined_as_the_document_says(
+    folder, project_root, tmp_path, command
+):
+    text = (project_root / "docs" / "any-robot.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```yaml\n(markers:\n- \{name: left_ball.*?)```", text, re.DOTALL)
+    (line,) = re.findall(r"^nico-selfmodel (join .*)$", text, re.MULTILINE)
+    head = yaml.safe_load((folder / "two_arms" / "dataset.yaml").read_text())
+    links = {"left_wrist": "left5", "right_wrist": "right5"}
+    told = yaml.safe_load(block)
+    for entry in told["markers"]:
+        entry["on"] = links[entry.pop(True)]
+    shutil.copytree(folder / "two_arms", tmp_path / "by_cameras")
+    tracked = [*told["markers"], {"name": "left_tag0", "on": "left5"}]
+    sensors = [{"name": "laser", "kind": "points"}]
+    for name, markers, seeing, rows in (
+        ("by_tracker", tracked, sensors, ["0,laser,left_tag0,,1,2,3"]),
+        ("touches", told["markers"], told["sensors"], ["0,bump,left_ball,right_ball,,,",
+                                                       "1,table,left_ball,,,,"]),
+    ):  # fmt: skip
+        (tmp_path / name).mkdir()
+        content = head | {"name": name, "markers": markers, "sensors": seeing}
+        (tmp_path / name / "dataset.yaml").write_text(yaml.safe_dump(content))
+        poses = (folder / "two_arms" / "poses.csv").read_text().splitlines()[:3]
+        (tmp_path / name / "poses.csv").write_text("\n".join(poses) + "\n")
+        table = ["sample,sensor,marker,other,x_m,y_m,z_m", *rows]
+        (tmp_path / name / "observations.csv").write_text("\n".join(table) + "\n")
+    words = line.split()
+    done = command(*words[:1], *(tmp_path / w for w in words[1:4]), "--out", tmp_path / words[5])
+    assert done.returncode == 0, done.stderr
+    both = load_body_dataset(tmp_path / "everything")
+    assert [s.kind for s in both.sensors].count("camera") == 2
+    assert {s.name for s in both.sensors} >= {"laser", "bump", "ruler", "table"}
+    assert len(both.sample) == 44
+    content["markers"][0]["on"] = "right5"
+    (tmp_path / "touches" / "dataset.yaml").write_text(yaml.safe_dump(content))
+    done = command("join", tmp_path / "everything", tmp_path / "touches", "--out", tmp_path / "x")
+    assert done.returncode == 2
+    assert "'left_ball' has 'on' 'left5'" in done.stderr
+    assert not (tmp_path / "x").exists()
 
 
 def spoilt(folder, tmp_path, *, head=None, table=None):

@@ -137,5 +137,5 @@ def test_a_body_that_bends_as_it_was_learned_raises_no_alarm():
 
 @pytest.mark.slow
 def test_a_body_that_does_not_say_its_noise_is_not_watched(model, monkeypatch):
-    with pytest.raises(ModelError, match="does not say the noise of its cameras"):
+    with pytest.raises(ModelError, match="does not say the noise of all that saw"):
         check_body_health(replace(model, noise={}), day(monkeypatch, 9))

@@ -8,8 +8,7 @@ import pytest
 
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.model_verdict import judge_body_errors, judge_evaluation
-from nico_selfmodel.estimation.monitoring.body_contradictions import body_contradictions
-from nico_selfmodel.estimation.monitoring.body_health import check_body_health
+from nico_selfmodel.estimation.monitoring.body_health import body_contradictions, check_body_health
 from nico_selfmodel.estimation.monitoring.body_relearning import relearn_body, rezero_body
 from nico_selfmodel.estimation.monitoring.diagnosis import Diagnosis, Hypothesis
 from nico_selfmodel.estimation.monitoring.health import check_health
@@ -18,9 +17,9 @@ from nico_selfmodel.estimation.monitoring.relearning import left_by_cause
 from nico_selfmodel.estimation.monitoring.tool import rezero
 from nico_selfmodel.estimation.noise.contradictions import most_expected
 from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
+from nico_selfmodel.estimation.tree.compared_errors import errors_of_tree
 from nico_selfmodel.estimation.tree.tree_errors import errors_of
 from nico_selfmodel.estimation.tree.tree_parameters import FRAME_PARTS
-from nico_selfmodel.estimation.tree.tree_result import errors_of_tree
 from nico_selfmodel.model.tree.body_model import BodyModel
 
 from ..slow_rest import slow_rest

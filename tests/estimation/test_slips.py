@@ -14,10 +14,14 @@ VISITS, JOINTS, FREE = 100, 5, 6
 SENSOR, JOINT = 1.0, 2.0
 
 
-def seen(seed, share=0.0, size=0.0, noise=1.0):
-    """One point a visit, moved by five joints of which the third slips; residuals after a fit."""
+def seen(seed, share=0.0, size=0.0, noise=1.0, shown=1.0):
+    """One point a visit, moved by five joints of which the third slips; residuals after a fit.
+
+    The third joint shows in a share of the visits alone, as that of a second arm.
+    """
     rng = np.random.default_rng(seed)
     A = rng.normal(size=(VISITS, 3, JOINTS))
+    A[np.arange(VISITS) >= shown * VISITS, :, 2] = 0.0
     off = JOINT * rng.normal(size=(VISITS, JOINTS))
     slips = rng.random(VISITS) < share
     off[slips, 2] += size * JOINT * rng.choice([-1.0, 1.0], int(slips.sum()))
@@ -50,6 +54,16 @@ def test_many_small_slips_are_found_together():
     assert named == 10
     assert np.mean(hit) > 0.6
     assert np.mean(alarms) < 0.02
+
+
+def test_a_joint_that_few_visits_show_is_found_to_slip_as_well():
+    named = 0
+    for seed in range(6):
+        found, _, slips = seen(seed, share=0.3, size=12.0, shown=0.35)
+        assert not found[35:, 2].any()
+        counts = found.sum(axis=0)
+        named += int(np.argmax(counts)) == 2 and found[:35][slips[:35], 2].mean() > 0.6
+    assert named >= 5
 
 
 def test_slips_that_were_taken_for_noise_are_still_found():

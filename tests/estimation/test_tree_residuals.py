@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset.body.body_dataset import BodyDataset, ObservationTable
+from nico_selfmodel.dataset.body.body_dataset import COLUMNS, BodyDataset, ObservationTable
 from nico_selfmodel.dataset.body.link_joint import LinkJoint, coupling_of, parents_of
-from nico_selfmodel.dataset.body.sensors import SENSOR_COLUMNS, MarkerInfo, SensorInfo
+from nico_selfmodel.dataset.body.sensors import PAIRS, SENSOR_COLUMNS, MarkerInfo, SensorInfo
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
-from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
+from nico_selfmodel.estimation.tree.tree_parameters import FRAME_PARTS, TreeParameters
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vectors_of
 from nico_selfmodel.geometry.transform import transform
@@ -98,8 +98,44 @@ def mirrored(scene):
     return replace(data, observations=replace(table, mirror=names)), both, y
 
 
+@pytest.fixture(scope="module")
+def touched(scene):
+    """The same body, whose markers also touch each other and planes that stand or are carried."""
+    data, parameters, x = scene
+    rng = np.random.default_rng(6)
+    new = (
+        SensorInfo("bump", "contact"),
+        SensorInfo("tray", "plane", "b"),
+        SensorInfo("wall", "plane"),
+        SensorInfo("knock", "contact"),
+    )
+    count, table = 40, data.observations
+    sensor, marker = rng.integers(0, 4, count), rng.integers(0, 4, count)
+    pairs = np.array([s.kind in PAIRS for s in new])[sensor]
+    own = ObservationTable(
+        rng.integers(0, len(data.sample), count),
+        len(SENSORS) + sensor,
+        marker,
+        np.where(pairs, (marker + 1) % 4, -1),
+        np.full((count, 6), np.nan),
+    )
+    both = (np.concatenate([getattr(t, key) for t in (table, own)]) for key in COLUMNS)
+    places = rng.normal(size=(2, 6))
+    planes = tuple(
+        Attached(name, data.on_link(on), transform(rotation_from_vector(at[:3]), 0.3 * at[3:]))
+        for (name, on), at in zip((("tray", "b"), ("wall", "world")), places, strict=True)
+    )
+    contacts = {"bump": 0.3, "knock": 0.1}
+    told = TreeParameters(replace(parameters.base, planes=planes, contacts=contacts))
+    tree = replace(parameters.tree_of(x), planes=planes, contacts=contacts)
+    y = told.values_of(tree)
+    y[[told.index[f"{plane.name}.{part}"] for plane in planes for part in FRAME_PARTS]] += 0.1
+    sensors = (*data.sensors, *new)
+    return replace(data, sensors=sensors, observations=ObservationTable(*both)), told, y
+
+
 @pytest.mark.parametrize("bearings", slow_rest([True, False]))
-@pytest.mark.parametrize("which", ["scene", "mirrored"])
+@pytest.mark.parametrize("which", ["scene", "mirrored", "touched"])
 def test_every_parameter_moves_the_residuals_as_its_derivative_says(which, bearings, request):
     data, parameters, x = request.getfixturevalue(which)
     observations = TreeObservations.of(data)
@@ -118,7 +154,7 @@ def test_every_parameter_moves_the_residuals_as_its_derivative_says(which, beari
         assert linear.J[i] == pytest.approx(slope, abs=2e-6 * (1.0 + np.abs(slope).max())), name
 
 
-@pytest.mark.parametrize("which", ["scene", "mirrored"])
+@pytest.mark.parametrize("which", ["scene", "mirrored", "touched"])
 def test_wrong_readings_move_the_residuals_as_their_derivatives_say(which, request):
     data, parameters, x = request.getfixturevalue(which)
     residuals = TreeResiduals(TreeObservations.of(data), parameters)
@@ -147,7 +183,7 @@ def test_wrong_readings_move_the_residuals_as_their_derivatives_say(which, reque
         assert linear.by_joint[:, m] == pytest.approx(slope, abs=2e-6 * (1 + np.abs(slope).max()))
 
 
-@pytest.mark.parametrize("which", ["scene", "mirrored"])
+@pytest.mark.parametrize("which", ["scene", "mirrored", "touched"])
 def test_values_of_a_body_are_those_that_it_was_made_of(which, request):
     _, parameters, x = request.getfixturevalue(which)
     again = parameters.values_of(parameters.tree_of(x))
@@ -160,7 +196,7 @@ def test_values_of_a_body_are_those_that_it_was_made_of(which, request):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("which", ["scene", "mirrored"])
+@pytest.mark.parametrize("which", ["scene", "mirrored", "touched"])
 def test_what_bends_moves_the_residuals_as_its_derivative_says(which, request):
     data, parameters, _ = request.getfixturevalue(which)
     rng = np.random.default_rng(3)
@@ -190,7 +226,7 @@ def test_what_bends_moves_the_residuals_as_its_derivative_says(which, request):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("which", ["scene", "mirrored"])
+@pytest.mark.parametrize("which", ["scene", "mirrored", "touched"])
 def test_about_joint_errors_all_is_linear_where_the_joints_are_then(which, request):
     data, parameters, x = request.getfixturevalue(which)
     observations, rng = TreeObservations.of(data), np.random.default_rng(3)
@@ -223,7 +259,7 @@ def test_about_joint_errors_all_is_linear_where_the_joints_are_then(which, reque
         assert linear.by_joint[:, m] == pytest.approx(slope, abs=2e-6 * (1.0 + np.abs(slope).max()))
 
 
-@pytest.mark.parametrize("which", ["scene", "mirrored"])
+@pytest.mark.parametrize("which", ["scene", "mirrored", "touched"])
 def test_small_changes_are_retold_from_the_frames_that_values_lead_to(which, request):
     _, parameters, x = request.getfixturevalue(which)
     there = TreeParameters(parameters.tree_of(x))

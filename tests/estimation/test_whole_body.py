@@ -129,6 +129,8 @@ def test_a_pixel_without_a_ray_does_not_end_a_resection():
     pixels[0] = 0.0
     assert np.isnan(lens.directions(pixels[:1])).any()
     numbered = np.arange(12)
-    rows = SensorRows(0, "camera", numbered, numbered, 0 * numbered, 0 * numbered - 1, pixels, 0)
+    rows = SensorRows(
+        0, "left", "camera", numbered, numbered, 0 * numbered, 0 * numbered - 1, pixels, 0
+    )
     points = SeenPoints(numbered, 0 * numbered, p)
     assert resected(rows, lens, points, "left", rng) == pytest.approx(np.eye(4), abs=1e-6)

@@ -11,7 +11,7 @@ from nico_selfmodel.arrays import read_only
 from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint, coupling_of, parents_of
 from nico_selfmodel.dataset.body.sensors import (
     CAMERA,
-    DISTANCE,
+    PAIRS,
     SENSOR_COLUMNS,
     MarkerInfo,
     SensorInfo,
@@ -45,7 +45,7 @@ class ObservationTable:
     marker: NDArray
     """Index of the marker. Shape (N,)."""
     other: NDArray
-    """Index of the second marker of a distance, -1 else. Shape (N,)."""
+    """Index of the second marker of a distance or contact, -1 else. Shape (N,)."""
     values: NDArray
     """What was measured, in the columns of the sensor's kind, then nan. Shape (N, 6)."""
     mirror: NDArray = field(default_factory=lambda: np.zeros(0, dtype=str))
@@ -363,14 +363,14 @@ def _check_observations(data: BodyDataset) -> None:
         sensor = data.sensors[table.sensor[row]]
         raise DataError(
             f"observation {row} of sensor {sensor.name!r} ({sensor.kind}) needs "
-            f"{', '.join(SENSOR_COLUMNS[sensor.kind])}, all of them and nothing else"
+            f"{', '.join(SENSOR_COLUMNS[sensor.kind]) or 'no number'}, all of them and nothing else"
         )
-    pairs = np.array([s.kind == DISTANCE for s in data.sensors])[table.sensor]
+    pairs = np.array([s.kind in PAIRS for s in data.sensors])[table.sensor]
     wrong = pairs != (table.other >= 0)
     if wrong.any():
         raise DataError(
-            f"observation {int(np.argmax(wrong))}: a distance, and nothing else, has a second "
-            "marker ('other')"
+            f"observation {int(np.argmax(wrong))}: a distance or contact, and nothing else, has a "
+            "second marker ('other')"
         )
     on = np.array([data.on_link(m.on) for m in data.markers])
     loose = (table.pose == ANY_POSE) & (~pairs | (on[table.marker] != on[table.other]))

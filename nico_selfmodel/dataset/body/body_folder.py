@@ -238,7 +238,8 @@ def _read_observations(
                 says = "empty" if name in names else "filled"
                 raise DataError(
                     f"{table.where(row, name)}: the cell is {says}, but sensor {info.name!r} "
-                    f"({info.kind}) measures {', '.join(names)}, all of them and nothing else"
+                    f"({info.kind}) measures {', '.join(names) or 'no number'}, all of them and "
+                    "nothing else"
                 )
         for k, name in enumerate(names):
             values[own, k] = columns[name][own]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POSES
+from nico_selfmodel.dataset.body.sensors import DISTANCE, POINTS, POSES
 from nico_selfmodel.dataset.plausibility import MAX_SPREAD_M, MAX_TURN_RAD
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, REVOLUTE
@@ -28,13 +28,13 @@ def check_plausible_body(data: BodyDataset) -> None:
     table = data.observations
     for s, sensor in enumerate(data.sensors):
         own = table.values[table.sensor == s]
-        if sensor.kind == CAMERA or not len(own):
+        if not len(own):
             continue
         what = f"what sensor {sensor.name!r} measured"
         if sensor.kind == DISTANCE:
             _check_lengths(what, own[:, 0])
-            continue
-        _check_lengths(what, _from_middle(own[:, :3]))
+        if sensor.kind in (POINTS, POSES):
+            _check_lengths(what, _from_middle(own[:, :3]))
         if sensor.kind == POSES:
             _check_turns(f"orientations of sensor {sensor.name!r}", own[:, 3:6])
     for i, joint in enumerate(data.joints):

@@ -17,23 +17,34 @@ from nico_selfmodel.model.cameras.projection import LENSES, POLYNOMIAL, intrinsi
 from nico_selfmodel.model.tree.body_tree import FREE
 from nico_selfmodel.names import check_name, listed, shown
 
-POINTS, POSES, CAMERA, DISTANCE = "points", "poses", "camera", "distance"
-SENSOR_COLUMNS = {
+POINTS, POSES, CAMERA = "points", "poses", "camera"
+DISTANCE, CONTACT, PLANE = "distance", "contact", "plane"
+SENSOR_COLUMNS: Mapping[str, tuple[str, ...]] = {
     POINTS: ("x_m", "y_m", "z_m"),
     POSES: ("x_m", "y_m", "z_m", "rx", "ry", "rz"),
     CAMERA: ("u", "v"),
     DISTANCE: ("distance_m",),
+    CONTACT: (),
+    PLANE: (),
 }
 """What each kind of sensor measures: points, whole poses (rotation vector of the marker in the
-sensor's frame), pixels, the distance of two markers."""
-FIRST_SIGMA = {POINTS: 1e-3, POSES: 1e-3, CAMERA: 0.5, DISTANCE: 1e-3}
+sensor's frame), pixels, the distance of two markers. That two markers are as far apart as in all
+its rows, and that a marker lies in a plane, needs no number."""
+SIGHTS = (POINTS, POSES, CAMERA)
+"""Kinds that tell where a marker is."""
+TOUCHES = (DISTANCE, CONTACT, PLANE)
+"""Kinds that tell how it is to another, or to what it touches."""
+PAIRS = (DISTANCE, CONTACT)
+"""Kinds whose observations are of two markers."""
+FIRST_SIGMA = {POINTS: 1e-3, POSES: 1e-3, CAMERA: 0.5, DISTANCE: 1e-3, CONTACT: 1e-3, PLANE: 1e-3}
 """Standard deviations with which an unknown noise is first taken [m or px]."""
 FIRST_TURN_SIGMA = 0.01
 """That of a measured orientation [rad]."""
 _KEYS = (
     "name", "kind", "on", "sigma_m", "sigma_px", "sigma_rad", "image_size", "lens", "pose", "noise",
 )  # fmt: skip
-_LIMIT = {POINTS: 1.0, POSES: 1.0, CAMERA: 100.0, DISTANCE: 1.0}
+_LIMIT = {CAMERA: 100.0}
+"""Largest standard deviation of a kind that is not 1 m."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +90,7 @@ class SensorInfo:
     name: str
     """Its name, unique in the body."""
     kind: str
-    """`points`, `poses`, `camera` or `distance`."""
+    """`points`, `poses`, `camera`, `distance`, `contact` or `plane`."""
     on: str = WORLD_NAME
     """The joint whose link carries it, or `world`."""
     sigma: float | None = None
@@ -93,7 +104,8 @@ class SensorInfo:
     lens_kind: str = POLYNOMIAL
     """Of a camera, one of `LENSES`."""
     X_LS: NDArray | None = None
-    """Where it is thought to be on its link; a guess. Shape (4, 4)."""
+    """Where it is thought to be on its link; a guess, of a plane what its tilts are told from, too.
+    Shape (4, 4)."""
     noise: str = ""
     """Sensors that say the same here share their standard deviations; its own name if empty."""
 
@@ -124,10 +136,11 @@ class SensorInfo:
         sigma = number_value(entry, "sigma_px" if kind == CAMERA else "sigma_m", where)
         turn = number_value(entry, "sigma_rad", where)
         for key, value in (("sigma", sigma), ("sigma_rad", turn)):
-            if value is not None and not 1e-9 <= value <= _LIMIT[kind]:
+            limit = _LIMIT.get(kind, 1.0)
+            if value is not None and not 1e-9 <= value <= limit:
                 raise DataError(
                     f"{where}: {key} of sensor {name!r} must be between 1e-9 and "
-                    f"{_LIMIT[kind]:g}, got {value:g}; leave it out where it is not known"
+                    f"{limit:g}, got {value:g}; leave it out where it is not known"
                 )
         size = entry.get("image_size")
         if size is not None and not _is_size(size):

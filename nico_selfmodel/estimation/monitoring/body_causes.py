@@ -41,7 +41,13 @@ def body_causes(tree: BodyTree, names: tuple[str, ...]) -> tuple[Hypothesis, ...
         *((f"zero of {joint}", (f"{joint}.rz",)) for joint in turning),
         *((f"marker {name}", _parts(name, PLACES)) for name in carried),
         *((f"{joint} on what carries it", _parts(joint, FRAME_PARTS)) for joint in turning),
-        *((f"camera {s.name} on its link", _parts(s.name, FRAME_PARTS)) for s in tree.sensors),
+        *(
+            (
+                f"{'camera' if s.name in tree.lenses else 'sensor'} {s.name} on its link",
+                _parts(s.name, FRAME_PARTS),
+            )
+            for s in tree.sensors
+        ),
     ]
     single = [
         simple_hypothesis(cause, own, names) for cause, own in found if set(own) <= set(names)

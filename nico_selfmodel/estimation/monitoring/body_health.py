@@ -7,19 +7,19 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.sensors import CAMERA
+from nico_selfmodel.dataset.body.sensors import SIGHTS
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.monitoring.body_causes import body_causes, body_changes
 from nico_selfmodel.estimation.monitoring.diagnosis import ranked_causes
 from nico_selfmodel.estimation.monitoring.health import HealthReport, in_turn, watched
-from nico_selfmodel.estimation.noise.contradictions import LEAST_SHARE
+from nico_selfmodel.estimation.monitoring.white_poses import white_poses
+from nico_selfmodel.estimation.noise.contradictions import (
+    LEAST_SHARE,
+    Contradictions,
+    contradictions,
+)
 from nico_selfmodel.estimation.noise.hand_observations import laid_out
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
-from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
-from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
-from nico_selfmodel.estimation.tree.tree_errors import told_as
-from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
-from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.model.noise_mixture import NoiseMixture
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.optimization.uncertainty import root_of
@@ -39,20 +39,19 @@ def check_body_health(model: BodyModel, data: BodyDataset) -> HealthReport:
 
     Args:
         model: The body, with its covariance and the noise of its training.
-        data: What its cameras saw of its markers since.
+        data: What its sensors saw of its markers since.
 
     Returns:
         Whether it still fits, and what changed if it does not.
 
     Raises:
-        DataError: If the recording is of another body, or no camera saw anything.
+        DataError: If the recording is of another body, or nothing saw anything.
         ModelError: If the model does not say what noise to expect.
     """
-    noise = expected_body_noise(model, data)
-    poses = body_poses(model, data)
-    covariance = shown_covariance(model, poses)
+    poses, share = _seen_poses(model, data)
+    noise, covariance = with_tail(model), shown_covariance(model, poses)
     causes = body_causes(model.tree, poses.names)
-    changes, share = body_changes(model.tree, causes), false_share(poses.dof // 2)
+    changes = body_changes(model.tree, causes)
     report = watched(poses, noise, covariance, changes, share)
     if report.alarm_at is None or report.changed_at is None:
         return report
@@ -94,88 +93,49 @@ def _leading(poses: PoseResiduals, covariance: NDArray) -> NDArray:
     return main @ main.T
 
 
-def expected_body_noise(model: BodyModel, data: BodyDataset) -> NoiseMixture:
-    """Return the noise that new poses are expected to have.
-
-    Raises:
-        ModelError: If the model does not say it.
-    """
-    cameras = [model.noise.get(s.name) for s in data.sensors if s.kind == CAMERA]
-    joints = [model.noise.get(name) for name in model.tree.joints]
-    known = [value for value in cameras if value], [value for value in joints if value]
-    if not model.tree.lenses:
-        raise ModelError(
-            f"body {model.name!r} has no camera, by whose pixels it would be watched: hold what "
-            "trackers measured against it with `evaluate`"
-        )
-    if not known[0]:
-        raise ModelError(
-            f"body {model.name!r} does not say the noise of its cameras: learn it by `calibrate "
-            "body` or `learn --head`"
-        )
-    sensor = float(np.sqrt(np.mean(np.square(known[0]))))
-    joint = float(np.sqrt(np.mean(np.square(known[1])))) if known[1] else 0.0
-    return with_tail(model, sensor, joint)
-
-
-def with_tail(model: BodyModel, sensor: float, joint: float) -> NoiseMixture:
-    """Return what a body's learned noise is taken for: a core, and a tail that nobody measured.
-
-    What was learned is the second moment of both, s^2 = (1 - e) s0^2 + e (w s0)^2.
-    """
-    core = 1.0 / np.sqrt(1.0 + TAIL_SHARE * (WIDER**2 - 1.0))
-    sensor, joint = core * sensor, core * joint
-    poses = max((int(entry.get("n", 0)) for entry in model.expected.values()), default=0)
-    return NoiseMixture(
-        sensor, joint, WIDER * sensor, WIDER * joint, TAIL_SHARE, LEAST_SHARE, poses or _ABOUT
+def _seen_poses(model: BodyModel, data: BodyDataset) -> tuple[PoseResiduals, float]:
+    """Return poses in standard deviations, and the share that holds false detections."""
+    found = white_poses(model, data)
+    if found is not None:
+        return found.residuals, false_share(found.detections)
+    kinds = {sensor.kind for sensor in data.sensors}
+    if not kinds & set(SIGHTS):
+        raise DataError(f"data set {data.name!r} has nothing that a camera or tracker saw")
+    raise ModelError(
+        f"body {model.name!r} does not say the noise of all that saw data set {data.name!r}: learn "
+        "it by `calibrate body` or `learn --head`"
     )
 
 
-def body_poses(model: BodyModel, data: BodyDataset) -> PoseResiduals:
-    """Return what cameras saw at each sample against what the body expects, stacked.
+def with_tail(model: BodyModel) -> NoiseMixture:
+    """Return what a body's learned noise, as 1, is taken for: a core, and an unmeasured tail.
+
+    What was learned is the second moment of both, 1 = (1 - e) s^2 + e (w s)^2.
+    """
+    core = float(1.0 / np.sqrt(1.0 + TAIL_SHARE * (WIDER**2 - 1.0)))
+    poses = max((int(entry.get("n", 0)) for entry in model.expected.values()), default=0)
+    tail = WIDER * core
+    return NoiseMixture(core, core, tail, tail, TAIL_SHARE, LEAST_SHARE, poses or _ABOUT)
+
+
+def body_contradictions(model: BodyModel, data: BodyDataset) -> Contradictions | None:
+    """Return which poses are further off than a body and its sensors' noise explain.
+
+    What is off on its own, as a wrong label is, does not count.
 
     Args:
         model: The body.
-        data: The recording.
+        data: A recording of it.
+
+    Returns:
+        None where the body does not say a sensor's noise, where boards move freely, or nothing was
+        seen.
 
     Raises:
-        DataError: If it is of another body, or no camera saw anything.
+        DataError: If the recording is of another body.
     """
-    told = told_as(model.tree, data)
-    kinds = np.array([sensor.kind for sensor in told.sensors])
-    seen = TreeObservations.of(told, kinds[told.observations.sensor] == CAMERA)
-    if not seen.sensors:
-        raise DataError(f"data set {data.name!r} has nothing that a camera saw")
-    parameters = TreeParameters(model.tree)
-    linear = TreeResiduals(seen, parameters).linear(parameters.values_of(model.tree))
-    pose = told.observations.pose[seen.row]
-    return stacked(linear, pose, parameters.names, data.sample)
-
-
-def stacked(
-    linear: TreeLinear, pose: NDArray, names: tuple[str, ...], sample: NDArray
-) -> PoseResiduals:
-    """Lay scalars into the places of their poses, zeros where there are fewer."""
-    poses, of = np.unique(pose, return_inverse=True)
-    order = np.argsort(of, kind="stable")
-    place = np.empty(len(of), dtype=int)
-    count = np.bincount(of)
-    place[order] = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
-    shape = (len(poses), int(count.max()))
-
-    def laid(values: NDArray) -> NDArray:
-        out = np.zeros((*shape, *values.shape[1:]))
-        out[of, place] = values
-        return out
-
-    by_angle = laid(linear.by_joint)
-    return PoseResiduals(
-        "pixels",
-        names,
-        laid(-linear.r),
-        by_angle,
-        np.zeros_like(by_angle),
-        laid(linear.J.T),
-        laid(np.ones(len(of))) > 0.0,
-        sample[poses],
-    )
+    found = None if data.free_joints else white_poses(model, data)
+    if found is None:
+        return None
+    poses, share = found.residuals, false_share(found.detections)
+    return contradictions(poses, with_tail(model), shown_covariance(model, poses), share)

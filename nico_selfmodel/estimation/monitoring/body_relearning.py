@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,18 +11,21 @@ from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import POSES
 from nico_selfmodel.errors import ContradictedError, DataError, ModelError
-from nico_selfmodel.estimation.monitoring.body_contradictions import body_contradictions
+from nico_selfmodel.estimation.monitoring.body_health import body_contradictions
 from nico_selfmodel.estimation.monitoring.body_zeros import likely_zeros
 from nico_selfmodel.estimation.monitoring.health import HealthReport
 from nico_selfmodel.estimation.noise.contradictions import Contradictions
 from nico_selfmodel.estimation.results.verdict import outliers_are_many
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
-from nico_selfmodel.estimation.tree.known.learned_anew import LearnedAnew, known_noise, learn_anew
+from nico_selfmodel.estimation.tree.known.learned_anew import LearnedAnew, learn_anew
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, errors_of, told_as
+from nico_selfmodel.estimation.tree.tree_noise import noise_named
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import FRAME_PARTS, SHIFTS, TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
+from nico_selfmodel.geometry.alignment import Alignment
+from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import PRISMATIC, REVOLUTE, WORLD, Attached, BodyTree
 from nico_selfmodel.names import listed, refuse_unknown
@@ -84,10 +87,38 @@ def relearn_body(model: BodyModel, data: BodyDataset, report: HealthReport) -> B
         raise ValueError("nothing changed: there is nothing to learn anew")
     clock, cause = time.perf_counter(), report.diagnoses[0].hypothesis
     since = data.select(np.isin(data.sample, report.sample[report.changed_at :]))
-    anew = learn_anew(model, model.tree, told_as(model.tree, since), frozenset(cause.names))
+    told = told_as(model.tree, since)
+    unseen = _unseen(told) & {name.rpartition(".")[0] for name in cause.names}
+    names = (name for name in cause.names if name.rpartition(".")[0] not in unseen)
+    anew = learn_anew(model, model.tree, told, frozenset(names))
     after, before = anew.body(model), errors_of(model.tree, since)
+    after = replace(after, tree=_carried_along(model.tree, after.tree, unseen))
     against, seconds = body_contradictions(after, since), time.perf_counter() - clock
     return BodyUpdate("relearn", after, anew, before, seconds, cause=cause.cause, against=against)
+
+
+def _unseen(told: BodyDataset) -> set[str]:
+    """Return the markers that a recording shows nothing of."""
+    table = told.observations
+    seen = {*table.marker.tolist(), *table.other.tolist()}
+    return {marker.name for m, marker in enumerate(told.markers) if m not in seen}
+
+
+def _carried_along(before: BodyTree, after: BodyTree, unseen: set[str]) -> BodyTree:
+    """Return a body whose unseen markers moved on their link as the others there did."""
+    markers = list(after.markers)
+    for i, marker in enumerate(markers):
+        if marker.name not in unseen:
+            continue
+        others = [k for k, m in enumerate(markers) if m.on == marker.on and m.name not in unseen]
+        then, now = (np.array([m.X_LA[:3, 3] for m in tree.markers])[others]
+                     for tree in (before, after))  # fmt: skip
+        if len(others) < 3:
+            continue
+        found = Alignment.from_points(then, now)
+        moved = transform(found.rotation, found.translation) @ marker.X_LA
+        markers[i] = replace(marker, X_LA=moved)
+    return after.with_markers(tuple(markers))
 
 
 @on_one_blas_thread
@@ -190,7 +221,7 @@ def _relearned(
 ) -> LearnedAnew:
     """Learn some parameters from a start that may be far: roughly first."""
     seen = TreeObservations.of(told)
-    noise = known_noise(model, seen)
+    noise = noise_named(model.noise, seen)
     if noise is None:
         raise ModelError(
             f"body {model.name!r} does not say the noise of its sensors and joints, which a few "

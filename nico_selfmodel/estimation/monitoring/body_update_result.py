@@ -17,7 +17,8 @@ from nico_selfmodel.estimation.results.calibration_result import (
     Terms,
     findings,
 )
-from nico_selfmodel.estimation.tree.tree_result import errors_of_tree, tree_result
+from nico_selfmodel.estimation.tree.compared_errors import errors_of_tree
+from nico_selfmodel.estimation.tree.tree_result import tree_result
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import REVOLUTE, WORLD
 from nico_selfmodel.names import listed

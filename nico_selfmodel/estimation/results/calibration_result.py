@@ -80,9 +80,18 @@ class Errors:
     poses: int | None = None
     """Of how many poses, or boards."""
     compared: NDArray = field(default_factory=lambda: np.zeros(0))
-    """One error a pose, or board, in `unit`: what held-out ones are compared by. Shape (K,)."""
+    """One error a pose, or board: what held-out ones are compared by. Shape (K,)."""
     unit: str = "mm"
     """Of `compared`, and of the error that comes first: `mm` or `px`."""
+    compared_by: str = ""
+    """What `compared` is of, where units do not say it: only the same is compared."""
+    relative_to: float | None = None
+    """What `compared` is in units of, [m or px]: it is relative; None where it is in `unit`."""
+
+    @property
+    def compared_size(self) -> float:
+        """Size of one unit of `compared`, in `unit`."""
+        return (self.relative_to or 1.0) * (1e3 if self.unit == "mm" else 1.0)
 
     def statistics(self, unit: str) -> ErrorStatistics | None:
         """Return the summary of the distances in `mm` (in metres all the same) or `px`."""

@@ -101,8 +101,7 @@ def _held_out_reason(result: CalibrationResult) -> str | None:
     worse = held_out_is_worse(crossed.compared, test.compared)
     if worse is None:
         return None
-    scale = 1e3 if test.unit == "mm" else 1.0
-    found, expected = (f"{scale * median:.3g} {test.unit}" for median in worse)
+    found, expected = (f"{test.compared_size * median:.3g} {test.unit}" for median in worse)
     return (
         f"the held-out error (median {found}) is significantly above that of the training "
         f"{terms.held_out} in cross-validation ({expected}): {terms.worse_cause}"

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE
-from nico_selfmodel.dataset.body.sensors import CAMERA
+from nico_selfmodel.dataset.body.sensors import CAMERA, SIGHTS
 from nico_selfmodel.estimation.bending.asked_poses import (
     FEWEST_POSES,
     drawn_poses,
@@ -22,7 +22,7 @@ from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObs
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_setup import Priors
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
-from nico_selfmodel.estimation.tree.weighed_tree import PLACES, TreePosture, WeighedTree, lengths
+from nico_selfmodel.estimation.tree.weighed_tree import TreePosture, WeighedTree, lengths
 from nico_selfmodel.model.arm.bending import COUPLING, LOADS, Bending
 from nico_selfmodel.model.tree.body_tree import REVOLUTE, BodyTree
 from nico_selfmodel.model.tree.spread_weight import tree_loads, tree_rods
@@ -109,7 +109,7 @@ class BendingTree:
     @property
     def _seeing(self) -> list[SensorRows]:
         """What tells where something is, in space rather than in images."""
-        rows = [one for one in self.seen.sensors if one.kind in PLACES and not one.apart]
+        rows = [one for one in self.seen.sensors if one.kind in SIGHTS and not one.apart]
         return sorted(rows, key=lambda one: one.kind == CAMERA)
 
     @property

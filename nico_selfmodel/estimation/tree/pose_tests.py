@@ -31,6 +31,10 @@ HINTED_AT = 0.2
 TRIED_AT = 2.0
 """Gain from which on a joint may: the parameters are fitted as if it did, which tells."""
 _FITS = 3
+_TOLD = 1e-9
+"""Information below which a visit tells nothing of a joint."""
+_ENOUGH_TOLD = 10
+"""Visits that tell of a joint, or half of all, from which on it is asked whether it slips often."""
 _PARTS = (0.5, 0.65, 0.8, 0.9, 1.0, 1.1, 1.25)
 """What joint noise may be of what it was taken for before it was known which joint slips."""
 _SHARES = np.array([0.02, 0.05, 0.1, 0.2, 0.35])
@@ -165,7 +169,7 @@ class _Scores:
         c = np.einsum("gmm->gm", groups.products(SiA, A))
         along = groups.products(SiA, Jg)
         taken = np.sum((along @ C) * along, axis=2)
-        t = np.where(c < 1e-9, 0.0, (e**2 + taken) / np.maximum(c, 1e-9))
+        t = np.where(c < _TOLD, 0.0, (e**2 + taken) / np.maximum(c, _TOLD))
         left = float(np.sum(rows * whitening.inverse(rows)))
         determinants = whitening.log_determinant - np.linalg.slogdet(C)[1]
         return cls(t, c, -0.5 * (left + float(determinants)))
@@ -180,7 +184,8 @@ class _Scores:
         """
         t, c, found = self.t, self.c, self.likelihood
         out, left = np.zeros(t.shape, dtype=bool), np.ones(len(t), dtype=bool)
-        asked, tries = np.median(c, axis=0) > 1e-9, list[_Often]()
+        told, tries = (c > _TOLD).sum(axis=0), list[_Often]()
+        asked = told >= min(_ENOUGH_TOLD, 0.5 * len(t))
         while left.any() and asked.any():
             of = {j: _mixture(t[left, j], c[left, j]) for j in np.flatnonzero(asked).tolist()}
             j = max(of, key=lambda one: of[one][0])
@@ -197,7 +202,8 @@ class _Scores:
 
 def _mixture(t: NDArray, c: NDArray) -> tuple[float, NDArray]:
     """Return the gain of the log likelihood by slips of one joint, and each visit's log odds."""
-    x = _SIZES[:, None] * c / np.median(c)
+    told = c > _TOLD
+    x = _SIZES[:, None] * c / (np.median(c[told]) if told.any() else 1.0)
     B = 0.5 * t * x / (1.0 + x) - 0.5 * np.log1p(x)
     p = _SHARES[:, None, None]
     gain = np.sum(np.logaddexp(np.log1p(-p), np.log(p) + B), axis=2)

@@ -17,13 +17,16 @@ from nico_selfmodel.estimation.bending.what_bends import At
 from nico_selfmodel.estimation.diagnosis.flatness import Flatness
 from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend
 from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boards
+from nico_selfmodel.estimation.tree.compared_errors import usual_errors
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, held_scores
 from nico_selfmodel.estimation.tree.contradictions.standing_still import check_that_it_moved
 from nico_selfmodel.estimation.tree.contradictions.told_values import agreeing_start
 from nico_selfmodel.estimation.tree.contradictions.wrong_units import start_in_stated_units
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
-from nico_selfmodel.estimation.tree.start_search import FoundStart, agreeing, searched_start
+from nico_selfmodel.estimation.tree.guesses.lens_guess import PARTS, guessed_lenses
+from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart, agreeing, searched_start
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, cross_validated, errors_of
+from nico_selfmodel.estimation.tree.tree_noise import names_of_noise
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
@@ -94,6 +97,22 @@ class TreeCalibration:
         return {} if self.anew else held_scores(bend.problem, bend.solution)
 
     @cached_property
+    def noise(self) -> dict[str, float]:
+        """Standard deviations of sensors and joints, by name [m, rad or px]."""
+        return names_of_noise(self.solution.noise, self.train.observations)
+
+    @cached_property
+    def usual(self) -> NDArray | None:
+        """See `usual_errors`, of the training data."""
+        return usual_errors(self.tree, self.train.observations, self.noise)
+
+    @cached_property
+    def usual_test(self) -> NDArray | None:
+        """The same of held-out data, if any."""
+        seen = None if self.test is None else self.test.observations
+        return None if seen is None else usual_errors(self.tree, seen, self.noise)
+
+    @cached_property
     def values(self) -> NDArray:
         """Values of all parameters. Shape (P,)."""
         return self.solution.values
@@ -141,7 +160,7 @@ def calibrate_tree(
         test: Held-out data, for judging only.
         description: The robot as described: a first guess, and priors on its frames.
         lenses: Intrinsics of cameras, by name; the recording's own where they are not given.
-            What neither tells is learned, where boards tell it.
+            What neither tells is learned, where boards or markers at nearly known places tell it.
         wishes: What the user holds, frees or knows by name.
         name: Name of the body; the recording's if omitted.
         seed: Of random starts.
@@ -160,13 +179,18 @@ def calibrate_tree(
     """
     clock, wishes = time.perf_counter(), wishes or Wishes()
     by_boards, inside = lenses_by_boards(data, lenses or {})
-    blank = blank_body(data, {**by_boards, **(lenses or {})})
-    wishes = wishes.freeing(inside)
+    told = {**by_boards, **(lenses or {})}
+    guessed = guessed_lenses(data, told, description, seed)
+    blank = blank_body(data, {**told, **guessed})
+    wishes = wishes.freeing(inside | {f"{name}.{part}" for name in guessed for part in PARTS})
+    if description is not None:
+        described = replace(description.tree, lenses=blank.lenses)
+        description = replace(description, tree=described)
     moving = moving_joints(data, TreeParameters(blank))
     check_that_it_moved(data, moving, described=description is not None)
 
     def search(data: BodyDataset) -> FoundStart:
-        return searched_start(data, blank, description, wishes, seed)
+        return searched_start(data, blank, description, wishes, seed, guessed)
 
     found = start_in_stated_units(data, moving, search)
     first = agreeing_start(found.start, found.tree, wishes, found.scalars, found.begin)

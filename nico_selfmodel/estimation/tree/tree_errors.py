@@ -8,7 +8,14 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
-from nico_selfmodel.dataset.body.sensors import DISTANCE, MarkerInfo
+from nico_selfmodel.dataset.body.sensors import (
+    DISTANCE,
+    POINTS,
+    POSES,
+    SIGHTS,
+    TOUCHES,
+    MarkerInfo,
+)
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.results.folds import FOLDS, fold_of, splits
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
@@ -36,6 +43,12 @@ class TreeErrors:
     residuals: NDArray
     """Predicted minus measured, in the sensors' units. Shape (R,)."""
 
+    @property
+    def in_space(self) -> tuple[str, ...]:
+        """Kinds of sensors whose errors are those in space; of touches where nothing was seen."""
+        seen = any(rows.kind in SIGHTS for rows in self.observations.sensors)
+        return (POINTS, POSES) if seen else TOUCHES
+
     def of_kind(self, *kinds: str, keep: NDArray | None = None) -> NDArray:
         """Return the lengths of the residuals of some kinds of sensors; places, of poses.
 
@@ -50,6 +63,19 @@ class TreeErrors:
         rows = [one.rows for one in self.observations.sensors if one.kind in kinds]
         found = distance[np.concatenate(rows)] if rows else np.zeros(0)
         return found[np.isfinite(found)]
+
+    def of_touches(self, keep: NDArray | None = None) -> dict[str, NDArray]:
+        """Return by how much touches and distances are missed, by sensor [m]. Shape (M,) each.
+
+        Args:
+            keep: Rows of the table that count; all if omitted. Boolean, shape (N,).
+        """
+        left, found = self.by_row(), dict[str, NDArray]()
+        for one in self.observations.sensors:
+            rows = one.rows if keep is None else one.rows[keep[one.rows]]
+            if one.kind in TOUCHES and len(rows):
+                found[one.name] = left[rows]
+        return found
 
     def by_row(self) -> NDArray:
         """Return the length of each observation's residual; nan where there is none. (N,)."""
@@ -106,7 +132,8 @@ def told_as(tree: BodyTree, data: BodyDataset) -> BodyDataset:
     Raises:
         DataError: If it has other joints, or markers or sensors that the body lacks.
     """
-    sensors = {s.name for s in tree.sensors} | {s.name for s in data.sensors if s.kind == DISTANCE}
+    sensors = {item.name for item in (*tree.sensors, *tree.planes)} | set(tree.contacts)
+    sensors |= {s.name for s in data.sensors if s.kind == DISTANCE}
     known = [m.name for m in tree.markers]
     for kind, has, wants in (
         ("joints", tree.joints, data.joint_names),
@@ -114,6 +141,12 @@ def told_as(tree: BodyTree, data: BodyDataset) -> BodyDataset:
         ("sensors", sensors, [s.name for s in data.sensors]),
     ):
         strange = [name for name in wants if name not in has]
+        touched = [s.name for s in data.sensors if s.kind in TOUCHES and s.name in strange]
+        if touched:
+            raise DataError(
+                f"data set {data.name!r} has touches of {listed(touched)}, which the body does not "
+                "know: learn it from a recording with them, or leave their rows and sensors out"
+            )
         if strange or (kind == "joints" and tree.joints != data.joint_names):
             raise DataError(
                 f"data set {data.name!r} has the {kind} {listed(strange or wants)}, the body has "

@@ -1,10 +1,9 @@
 """What speaks for and against a body learned from any sensors."""
 
-from collections.abc import Mapping
-
 import numpy as np
+from numpy.typing import NDArray
 
-from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
+from nico_selfmodel.dataset.body.sensors import CAMERA
 from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
 from nico_selfmodel.estimation.diagnosis.flatness import bent_reasons
 from nico_selfmodel.estimation.results.calibration_result import (
@@ -15,12 +14,13 @@ from nico_selfmodel.estimation.results.calibration_result import (
     Finding,
     findings,
 )
+from nico_selfmodel.estimation.tree.compared_errors import alone_off
 from nico_selfmodel.estimation.tree.contradictions.contradiction_words import contradiction_findings
 from nico_selfmodel.estimation.tree.contradictions.exchanged_markers import exchanged_markers
 from nico_selfmodel.estimation.tree.pose_tests import FEWEST_SLIPS
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
-from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, REVOLUTE
+from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE
 from nico_selfmodel.names import listed
 
 _MISFIT = 5.0
@@ -44,7 +44,7 @@ SCALE = (
 def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     """Return what speaks for and against a body beyond what every calibration is asked."""
     test, ladder = calibration.test, calibration.ladder
-    said = [] if test is None else [_held_out_words(test)]
+    said = [] if test is None else [_held_out_words(calibration, test)]
     said += kept_words(ladder, calibration.tree.bending, calibration.at)
     doubts = [f"too few poses to test whether mirror {name!r} is flat: record ten"
               for name, test in calibration.flatness.items() if test is None]  # fmt: skip
@@ -61,21 +61,6 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
         *findings(WARNING, [*bending_warnings(ladder, calibration.at), *doubts]),
         *findings(NOTE, said),
     )
-
-
-def noise_by_name(calibration: TreeCalibration) -> Mapping[str, float]:
-    """Return the standard deviations of sensors and joints, by name [m, rad or px]."""
-    solution, observations = calibration.solution, calibration.train.observations
-    out = dict(zip(observations.noise_groups, solution.noise.sensor.tolist(), strict=True))
-    for (i, part), sigma in zip(
-        observations.noisy_joints, solution.noise.joint.tolist(), strict=True
-    ):
-        joint = calibration.data.joints[i]
-        if joint.motion == FREE:
-            continue
-        suffix = "" if joint.motion != FLANGE else (" turn" if part < 3 else " place")
-        out[f"{joint.name}{suffix}"] = sigma
-    return out
 
 
 def _misfits(calibration: TreeCalibration) -> list[str]:
@@ -203,10 +188,21 @@ def _outlier_words(calibration: TreeCalibration) -> list[str]:
     ]
 
 
-def _held_out_words(test: TreeErrors) -> str:
+def _held_out_words(calibration: TreeCalibration, test: TreeErrors) -> str:
     """State the held-out errors."""
-    pixels, points = test.of_kind(CAMERA), test.of_kind(POINTS, POSES)
+    poses = len(np.unique(test.observations.pose))
+    said = f"{_mean_errors(test)} mean error on {poses} poses that were held out"
+    off = alone_off(test, calibration.usual_test)
+    if not off.any():
+        return said
+    return (
+        f"{said}, {_mean_errors(test, ~off)} without {off.sum()} of {len(off)} observations that "
+        "contradict the rest of their poses and markers: check their labels"
+    )
+
+
+def _mean_errors(test: TreeErrors, keep: NDArray | None = None) -> str:
+    pixels, points = (test.of_kind(*k, keep=keep) for k in ((CAMERA,), test.in_space))
     parts = [f"{1e3 * points.mean():.3g} mm"] if len(points) else []
     parts += [f"{pixels.mean():.3g} px"] if len(pixels) else []
-    poses = len(np.unique(test.observations.pose))
-    return f"{' and '.join(parts)} mean error on {poses} poses that were held out"
+    return " and ".join(parts)

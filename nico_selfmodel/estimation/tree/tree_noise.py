@@ -1,11 +1,12 @@
 """What disturbs a recording, by what an adjustment leaves of it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.dataset.body.sensors import TOUCHES
 from nico_selfmodel.estimation.noise.alike_errors import AlikeErrors, alike_basis
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise, PoseWhitening
@@ -16,9 +17,9 @@ from nico_selfmodel.estimation.noise.variance_components import (
     VarianceSearch,
 )
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
-from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
-from nico_selfmodel.model.tree.body_tree import FLANGE, WHOLE_POSES
+from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, WHOLE_POSES
 from nico_selfmodel.optimization.losses import Loss, robust_scale
 from nico_selfmodel.optimization.uncertainty import covariance_told_by
 
@@ -52,8 +53,7 @@ def robust_weights(data: TreeObservations, r: NDArray) -> tuple[NDArray, float]:
     for rows in data.sensors:
         k = rows.measured.shape[1]
         own = squared[rows.rows]
-        held = bool(data.sigma_held[data.noise_group[rows.first]])
-        scale = 1.0 if held else robust_scale(np.sqrt(own), k)
+        scale = _scale_at_first(data, rows, np.sqrt(own))
         rho, w = Loss("cauchy", max(scale, 1e-9)).rho_and_weight(own, k)
         weight[rows.rows] = w / scale**2
         cost += float(rho.sum()) / scale**2 + 2.0 * k * len(own) * np.log(scale)
@@ -75,8 +75,52 @@ def standing_out(data: TreeObservations, r: NDArray) -> NDArray:
     for rows in data.sensors:
         k, own = rows.measured.shape[1], norms[rows.rows]
         if not data.sigma_held[data.noise_group[rows.first]]:
-            out[rows.rows] = own > _FAR * np.sqrt(k / 3.0) * robust_scale(own, k)
+            out[rows.rows] = own > _FAR * np.sqrt(k / 3.0) * _scale_at_first(data, rows, own)
     return out
+
+
+def _scale_at_first(data: TreeObservations, rows: SensorRows, norms: NDArray) -> float:
+    """Return how large the residuals of a sensor are at a start, in its standard deviation.
+
+    Touches are few for what they tell: a start may explain most of them to the last digit, and
+    nothing of the rest.
+    """
+    if data.sigma_held[data.noise_group[rows.first]]:
+        return 1.0
+    scale = robust_scale(norms, rows.measured.shape[1])
+    return max(scale, 1.0) if rows.kind in TOUCHES else scale
+
+
+def names_of_noise(noise: TreeNoise, seen: TreeObservations) -> dict[str, float]:
+    """Return the standard deviations of sensors and joints, by name [m, rad or px].
+
+    Args:
+        noise: What disturbs a recording.
+        seen: The recording.
+    """
+    out = dict(zip(seen.noise_groups, noise.sensor.tolist(), strict=True))
+    for (i, part), sigma in zip(seen.noisy_joints, noise.joint.tolist(), strict=True):
+        joint = seen.data.joints[i]
+        suffix = "" if joint.motion != FLANGE else (" turn" if part < 3 else " place")
+        out |= {} if joint.motion == FREE else {f"{joint.name}{suffix}": sigma}
+    return out
+
+
+def noise_named(names: Mapping[str, float], seen: TreeObservations) -> TreeNoise | None:
+    """Return noise that is known by name; None where not all that is needed is known.
+
+    Args:
+        names: Standard deviations, as `BodyModel.noise` has them.
+        seen: What it is needed for.
+    """
+    joints = [seen.data.joints[i].name for i, _ in seen.noisy_joints]
+    parts = ["" if name in names else " turn" if part < 3 else " place"
+             for name, (_, part) in zip(joints, seen.noisy_joints, strict=True)]  # fmt: skip
+    noisy = [f"{name}{part}" for name, part in zip(joints, parts, strict=True)]
+    if not set(noisy) | set(seen.noise_groups) <= set(names):
+        return None
+    sensor, joint = (np.array([names[n] for n in of]) for of in (seen.noise_groups, noisy))
+    return TreeNoise(sensor, joint)
 
 
 def likeliest_noise(

@@ -12,16 +12,20 @@ from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
 from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
 from nico_selfmodel.dataset.body.sensors import (
     CAMERA,
-    DISTANCE,
     FIRST_SIGMA,
     FIRST_TURN_SIGMA,
     POSES,
     SENSOR_COLUMNS,
+    SIGHTS,
 )
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import FREE, WHOLE_POSES
 
+_ENOUGH_TOUCHES = 20
+"""Poses of a sensor that sees nothing from which on they tell its standard deviation."""
+TURN_NOISE = "orientation"
+"""How the noise of a sensor's turns is called after its name."""
 BEARING = "bearing"
 """A camera whose pixels are taken as directions, which no point behind it can trap."""
 
@@ -32,6 +36,8 @@ class SensorRows:
 
     sensor: int
     """Index of the sensor."""
+    name: str
+    """Its name."""
     kind: str
     """Its kind."""
     rows: NDArray
@@ -41,9 +47,9 @@ class SensorRows:
     marker: NDArray
     """Markers. Shape (N,)."""
     other: NDArray
-    """Second markers of distances. Shape (N,)."""
+    """Second markers of distances and contacts. Shape (N,)."""
     measured: NDArray
-    """What was measured. Shape (N, k)."""
+    """What was measured; of contacts and planes, which tell that nothing is between, 0. (N, k)."""
     first: int
     """Where its scalars begin among all."""
     mirror: str = ""
@@ -86,8 +92,10 @@ class TreeObservations:
             kind = data.sensors[s].kind
             pose = np.where(table.pose[rows] == ANY_POSE, 0, table.pose[rows])
             seen = pose, table.marker[rows], table.other[rows]
-            measured = table.values[rows, : len(SENSOR_COLUMNS[kind])]
-            found.append(SensorRows(s, kind, rows, *seen, measured, first, mirror, apart))
+            columns = len(SENSOR_COLUMNS[kind])
+            measured = table.values[rows, :columns] if columns else np.zeros((len(rows), 1))
+            name = data.sensors[s].name
+            found.append(SensorRows(s, name, kind, rows, *seen, measured, first, mirror, apart))
             first += measured.size
         return cls(data, tuple(found))
 
@@ -175,7 +183,7 @@ class TreeObservations:
         name = info.noise or info.name
         if rows.apart and not self._all_apart:
             name += " boards"
-        return (name, f"{name} orientation") if rows.kind == POSES else (name,)
+        return (name, f"{name} {TURN_NOISE}") if rows.kind == POSES else (name,)
 
     @cached_property
     def _all_apart(self) -> bool:
@@ -203,8 +211,13 @@ class TreeObservations:
 
     @cached_property
     def sigma_held(self) -> NDArray:
-        """Which noise groups keep what is stated: few distances tell no sigma. Shape (G,)."""
-        return np.array([rows.kind == DISTANCE for rows, _ in self._first_of_noise.values()])
+        """Which noise groups keep what is stated: few distances and touches tell no sigma. (G,)."""
+        held = []
+        for rows, _ in self._first_of_noise.values():
+            stated = self.data.sensors[rows.sensor].sigma is not None
+            few = len(np.unique(rows.pose)) < _ENOUGH_TOUCHES
+            held.append(rows.kind not in SIGHTS and (stated or few))
+        return np.array(held)
 
     @cached_property
     def apart(self) -> NDArray:
@@ -256,7 +269,7 @@ class TreeObservations:
         found, first = [], 0
         for rows in self.sensors:
             if rows.kind == CAMERA:
-                lens = lenses[self.data.sensors[rows.sensor].name]
+                lens = lenses[rows.name]
                 rays = lens.directions(rows.measured)
                 rows = replace(rows, kind=BEARING, measured=rays)
             found.append(replace(rows, first=first))

@@ -1,8 +1,9 @@
 """A body as one vector of named parameters.
 
 A joint's frame is X_PJ = X0 (exp(w), v): turned by `rx, ry, rz` and shifted by `x, y, z` in the
-frame that it is told from. A marker's, sensor's or flange's is (exp(w), t): its rotation vector and
-its place on its link. Gears and intrinsics are what they are. exp(w + dw) = exp([J dw]) exp(w), J
+frame that it is told from; so is a plane's, of which rx, ry and z are all there is. A marker's,
+sensor's or flange's is (exp(w), t): its rotation vector and its place on its link. Gears,
+intrinsics and distances of contacts are what they are. exp(w + dw) = exp([J dw]) exp(w), J
 the left Jacobian, makes every derivative exact wherever the solver stands.
 """
 
@@ -37,6 +38,10 @@ from nico_selfmodel.names import refuse_unknown
 
 TURNS, SHIFTS = ("rx", "ry", "rz"), ("x", "y", "z")
 FRAME_PARTS = (*TURNS, *SHIFTS)
+PLANE_PARTS = ("rx", "ry", "z")
+"""Parts of a plane's frame that move the plane."""
+APART = "distance"
+"""Part of a contact: how far its markers are apart."""
 _LINE = {REVOLUTE: ("rx", "ry", "x", "y"), PRISMATIC: ("rx", "ry"), FLANGE: (), FREE: ()}
 """What can be told of a joint that is known from nothing but its motion: its line."""
 
@@ -121,6 +126,7 @@ class TreeParameters:
         inside = ((name, intrinsics_of(lens.lens)) for name, lens in base.lenses.items())
         out += [f"{name}.{part}" for name, parts in inside for part in parts]
         out += [name for mirror in base.mirrors for name in mirror.names]
+        out += [f"{name}.{APART}" for name in base.contacts]
         return (*out, *(() if base.bending is None else base.bending.names))
 
     @property
@@ -161,6 +167,7 @@ class TreeParameters:
             *("1",) * len(base.joints),
             *(unit for lens in base.lenses.values() for unit in intrinsic_units(lens.lens)),
             *MIRROR_UNITS * len(base.mirrors),
+            *("m",) * len(base.contacts),
             *(() if base.bending is None else base.bending.units),
         )
 
@@ -173,10 +180,10 @@ class TreeParameters:
     def _index(self) -> dict[str, int]:
         return {name: i for i, name in enumerate(self.names)}
 
-    @cached_property
+    @property
     def attached(self) -> tuple[Attached, ...]:
-        """Markers, then sensors."""
-        return (*self.base.markers, *self.base.sensors)
+        """Markers, then sensors, then planes."""
+        return self.base.attached
 
     @cached_property
     def placed(self) -> tuple[int, ...]:
@@ -186,7 +193,7 @@ class TreeParameters:
 
     @cached_property
     def frame_of(self) -> NDArray:
-        """Number of the frame of each of `attached`, -1 without parameters. Shape (m + s,)."""
+        """Number of the frame of each of `attached`, -1 without parameters. Shape (a,)."""
         out = np.full(len(self.attached), -1)
         out[list(self.placed)] = len(self.base.joints) + np.arange(len(self.placed))
         return out
@@ -229,6 +236,10 @@ class TreeParameters:
         first = self.index[self.base.mirror(name).names[0]]
         return slice(first, first + len(MIRROR_PARTS))
 
+    def contact(self, name: str) -> int:
+        """Return where the distance of markers that touch is."""
+        return self.index[f"{name}.{APART}"]
+
     @cached_property
     def of_lenses(self) -> frozenset[str]:
         """Names of all intrinsics."""
@@ -236,27 +247,28 @@ class TreeParameters:
 
     @cached_property
     def frames(self) -> NDArray:
-        """What turns are told from: of joints with an axis their frames, else the identity.
+        """What frames are told from: of joints with an axis and planes their own, or the identity.
 
         Shape (F, 4, 4).
         """
         out = np.tile(np.eye(4), (self.frame_count, 1, 1))
         axes = [i for i, motion in enumerate(self.base.motions) if motion not in WHOLE_POSES]
         out[axes] = self.base.X_PJ[axes]
+        for k, plane in enumerate(self.base.planes, start=self.frame_count - len(self.base.planes)):
+            out[k] = plane.X_LA
         return out
 
     def values_of(self, tree: BodyTree) -> NDArray:
         """Return the values of a body that has the base's joints, markers and sensors. (P,)."""
-        n = len(tree.joints)
-        attached = (*tree.markers, *tree.sensors)
+        attached = tree.attached
         X = np.stack([*tree.X_PJ, *(attached[i].X_LA for i in self.placed)])
         relative = inverse(self.frames) @ X
-        parts = np.hstack([rotation_vectors_of(relative[:, :3, :3]), X[:, :3, 3]])
-        parts[:n, 3:] = relative[:n, :3, 3]
+        parts = np.hstack([rotation_vectors_of(relative[:, :3, :3]), relative[:, :3, 3]])
         lenses = [tree.lenses[name].values for name in self.base.lenses]
         planes = [m.values_of(tree.mirror(m.name).plane) for m in self.base.mirrors]
+        apart = np.array([tree.contacts[name] for name in self.base.contacts])
         bends = [] if tree.bending is None else [tree.bending.values]
-        return np.concatenate([parts.ravel(), tree.gear, *lenses, *planes, *bends])
+        return np.concatenate([parts.ravel(), tree.gear, *lenses, *planes, apart, *bends])
 
     def tree_of(self, values: NDArray) -> BodyTree:
         """Return the body with these values. Shape (P,)."""
@@ -270,17 +282,19 @@ class TreeParameters:
             name: Camera.from_values(values[self.intrinsics(name)], lens.image_size, lens=lens.lens)
             for name, lens in base.lenses.items()
         }
-        split = len(base.markers)
+        split = np.cumsum([len(base.markers), len(base.sensors)]).tolist()
         bending = None if base.bending is None else base.bending.with_values(values[self.bends])
         return replace(
             base,
             X_PJ=X[:n],
             gear=values[self.gears],
-            markers=tuple(moved[:split]),
-            sensors=tuple(moved[split:]),
+            markers=tuple(moved[: split[0]]),
+            sensors=tuple(moved[split[0] : split[1]]),
+            planes=tuple(moved[split[1] :]),
             lenses=lenses,
             bending=bending,
             mirrors=tuple(m.with_values(values[self.mirror(m.name)]) for m in base.mirrors),
+            contacts={name: float(values[self.contact(name)]) for name in base.contacts},
         )
 
     def with_bending(self, bending: Bending | None) -> "TreeParameters":
@@ -299,7 +313,8 @@ class TreeParameters:
 
             dw' = exp(w)' J(w) dw,  dv' = exp(w)' dv
 
-        Only joints of which all six parts are named are retold: of a line two parts stay.
+        Only joints of which all six parts are named are retold: of a line two parts stay. Of planes
+        those are that are named: the others do nothing.
 
         Args:
             values: Of all parameters. Shape (P,).
@@ -317,6 +332,15 @@ class TreeParameters:
             back = rotation_from_vector(w).T
             out[np.ix_(own[:3], own[:3])] = back @ rotation_vector_slope(w)
             out[np.ix_(own[3:], own[3:])] = back
+        for plane in self.base.planes:
+            names_of = [f"{plane.name}.{part}" for part in FRAME_PARTS]
+            there = [k for k, name in enumerate(names_of) if name in place]
+            own = [place[names_of[k]] for k in there]
+            w = values[[self.index[name] for name in names_of[:3]]]
+            both = np.zeros((6, 6))
+            both[3:, 3:] = rotation_from_vector(w).T
+            both[:3, :3] = both[3:, 3:] @ rotation_vector_slope(w)
+            out[np.ix_(own, own)] = both[np.ix_(there, there)]
         return out
 
     def by_scale(self, values: NDArray) -> NDArray:

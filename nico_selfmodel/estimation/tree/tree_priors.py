@@ -15,6 +15,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.dataset.body.sensors import CONTACT, PLANE
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_setup import Alike, Priors
 from nico_selfmodel.optimization.uncertainty import covariance_told_by
 
@@ -23,6 +25,26 @@ BEFOREHAND = 0.5 / np.log(3.0)
 _ALIKE = 0.02
 """Relative change of a standard deviation below which it is the same."""
 _ROUNDS, _SETTLED, _LARGEST_STEP = 30, 1e-3, 1.0
+
+
+def beside_noise(
+    priors: Priors, seen: TreeObservations, bends: Sequence[str], *, few: bool
+) -> Priors:
+    """Return those priors that count where residuals are asked for their noise.
+
+    A robot's description says nothing there: where it is wrong, a noise that made up for that would
+    make it weigh more still. What bends has priors that follow the data. But few data would be
+    explained to the last digit without a description, and touches by a body of no size.
+
+    Args:
+        priors: All of them.
+        seen: What was measured.
+        bends: Names of what bends.
+        few: Whether there are hardly more numbers than parameters.
+    """
+    if few or all(rows.kind in (CONTACT, PLANE) for rows in seen.sensors):
+        return priors
+    return {name: prior for name, prior in priors.items() if name in bends}
 
 
 def prior_rows(

@@ -368,11 +368,10 @@ class TreeProblem:
         self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray | None, values: NDArray
     ) -> tuple[TreeObservations, TreeLinear, PoseGroups, NDArray | None, TreeNoise, NDArray]:
         """Return what residuals are asked for their noise by, with what fitting took from them."""
-        # A robot's description says nothing here: where it is wrong, a noise that made up for that
-        # would make it weigh more still. What bends has priors that follow the data.
-        bends = range(*self.residuals.parameters.bends.indices(len(values)))
         names, J = self.residuals.parameters.names, linear.J[self.columns]
-        priors = {names[i]: self.priors[names[i]] for i in bends if names[i] in self.priors}
+        few = len(groups.rows) - len(self.columns) < LEAST_REDUNDANCY
+        bends = names[self.residuals.parameters.bends]
+        priors = tree_priors.beside_noise(self.priors, self.observations, bends, few=few)
         known = tree_priors.information_of(priors, self.free_names)
         pull = tree_priors.pull_of(priors, self.free_names, self._by_name(values))
         own = replace(linear, r=linear.r + pull @ J, J=J)

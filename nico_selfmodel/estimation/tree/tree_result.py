@@ -6,11 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_folder import body_content_hash
-from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.estimation.bending.what_bends import bending_json
 from nico_selfmodel.estimation.results.calibration_result import (
     CalibrationResult,
-    Errors,
     Parameter,
     Terms,
     finite,
@@ -18,13 +16,16 @@ from nico_selfmodel.estimation.results.calibration_result import (
 )
 from nico_selfmodel.estimation.results.provenance import package_versions
 from nico_selfmodel.estimation.results.unobservable_words import name_unobservable
+from nico_selfmodel.estimation.tree.compared_errors import (
+    COMPARED,
+    errors_of_tree,
+    expected_errors,
+)
 from nico_selfmodel.estimation.tree.guesses.hand_eye import only_axis
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
-from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.estimation.tree.tree_findings import (
     SCALE,
     alike_errors,
-    noise_by_name,
     tree_findings,
 )
 from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, TURNS
@@ -49,15 +50,20 @@ def tree_result(calibration: TreeCalibration) -> CalibrationResult:
         calibration: What was learned.
     """
     solution, data = calibration.solution, calibration.data
-    crossed, test = calibration.cross_validation, calibration.test
+    crossed, held = calibration.cross_validation, calibration.test
+    test = None if held is None else errors_of_tree(held, usual=calibration.usual_test)
+    among = COMPARED if test is None else (test.compared_by,)
+    usual = None if test is not None and test.relative_to is None else calibration.usual
     inliers = ~solution.outliers
     poses = data.observations.pose[solution.outliers]
     return CalibrationResult(
         method="tree",
         parameters=_parameters(calibration),
         train=errors_of_tree(calibration.train, inliers),
-        test=None if test is None else errors_of_tree(test),
-        cross_validation=None if crossed is None else errors_of_tree(crossed, inliers),
+        test=test,
+        cross_validation=None
+        if crossed is None
+        else errors_of_tree(crossed, inliers, among, usual),
         outliers=solution.outliers,
         outlier_names=tuple(sorted(set(data.sample[poses[poses >= 0]].tolist()))),
         unobservable=_unobservable(calibration),
@@ -67,34 +73,6 @@ def tree_result(calibration: TreeCalibration) -> CalibrationResult:
         findings=tree_findings(calibration),
         details=_details(calibration),
         terms=_TERMS,
-    )
-
-
-def errors_of_tree(errors: TreeErrors, keep: NDArray | None = None) -> Errors:
-    """Return errors in space where any were measured there, in the images, and by pose.
-
-    Args:
-        errors: What a body leaves.
-        keep: Rows of the table that count. Boolean, shape (N,).
-    """
-    distance = errors.by_row()
-    keep = np.isfinite(distance) & (True if keep is None else keep)
-    observations = errors.observations
-    table, sensors = observations.data.observations, observations.data.sensors
-    kind = np.array([sensor.kind for sensor in sensors])[table.sensor]
-    in_space = keep & np.isin(kind, (POINTS, POSES))
-    in_images = keep & (kind == CAMERA)
-    chosen = in_space if in_space.any() else in_images
-    of_row = np.append(observations.data.pose, -1)[table.pose]
-    of = np.unique(of_row[chosen], return_inverse=True)[1]
-    by_pose = np.bincount(of, distance[chosen]) / np.maximum(np.bincount(of), 1)
-    return Errors(
-        distance[in_space] if in_space.any() else None,
-        distance[in_images] if in_images.any() else None,
-        int((in_space | in_images).sum()),
-        len(np.unique(of_row[in_space | in_images])),
-        by_pose,
-        "mm" if in_space.any() else "px",
     )
 
 
@@ -125,8 +103,12 @@ def body_model(calibration: TreeCalibration) -> BodyModel:
         tree,
         np.array([joint.si_per_unit for joint in joints]),
         ParameterCovariance(tuple(names[i] for i in kept), covariance[np.ix_(kept, kept)]),
-        noise_by_name(calibration),
-        _expected(calibration),
+        calibration.noise,
+        expected_errors(
+            calibration.cross_validation or calibration.train,
+            ~calibration.solution.outliers,
+            calibration.usual,
+        ),
         provenance,
         np.array(
             [
@@ -148,17 +130,6 @@ def _with_scale(calibration: TreeCalibration) -> tuple[tuple[str, ...], NDArray]
     across = np.outer(others, ours)
     matrix = np.block([[known.covariance, across.T], [across, np.outer(others, others)]])
     return (*known.names, *held), matrix
-
-
-def _expected(calibration: TreeCalibration) -> dict[str, dict[str, float]]:
-    """Return the errors that new poses should show, by those of poses left out."""
-    crossed = calibration.cross_validation or calibration.train
-    found = errors_of_tree(crossed, ~calibration.solution.outliers)
-    known: dict[str, dict[str, float]] = {}
-    if len(found.compared):
-        median = float(np.median(found.compared))
-        known[found.unit] = {"median": median, "n": float(len(found.compared))}
-    return known
 
 
 def _parameters(calibration: TreeCalibration) -> dict[str, Parameter]:
@@ -189,7 +160,7 @@ def _along_one_axis(calibration: TreeCalibration, direction: UnobservableDirecti
         if axis is None:
             continue
         along = data.X_flange[0, i, :3, :3].T @ axis
-        for item in (*tree.markers, *tree.sensors):
+        for item in tree.attached:
             how = _moved_along(direction, item.name, along) if item.on == i else ""
             if how:
                 x, y, z = (axis.round(2) + 0.0).tolist()  # never -0.00
@@ -229,7 +200,7 @@ def _details(calibration: TreeCalibration) -> dict[str, Any]:
             "tried": calibration.starts,
             "agreeing": calibration.agreeing,
         },
-        "noise": dict(noise_by_name(calibration)),
+        "noise": dict(calibration.noise),
         "noise_known": solution.variances_known,
         "alike_errors": alike_errors(calibration),
         "slips": {
@@ -239,6 +210,7 @@ def _details(calibration: TreeCalibration) -> dict[str, Any]:
         },
         "joints": _joints(calibration),
         **_mirrors(calibration),
+        **_touches(calibration),
         "described": None if described is None else errors_of_tree(described).to_json(),
         "description_off": _description_off(calibration),
         "changes": _changes(calibration),
@@ -271,6 +243,25 @@ def _mirrors(calibration: TreeCalibration) -> dict[str, Any]:
             "flatness": None if test is None else test.to_json(),
         }
     return {"mirrors": out} if out else {}
+
+
+def _touches(calibration: TreeCalibration) -> dict[str, Any]:
+    """Return by how much touches and distances are missed, and the planes; nothing without any."""
+    test = {} if calibration.test is None else calibration.test.of_touches()
+    out: dict[str, dict[str, Any]] = {}
+    for name, left in calibration.train.of_touches(~calibration.solution.outliers).items():
+        out[name] = {"n": len(left), "rms_mm": _rms_mm(left)}
+        if name in test:
+            out[name] |= {"test_n": len(test[name]), "test_rms_mm": _rms_mm(test[name])}
+    for plane in calibration.tree.planes:
+        normal = plane.X_LA[:3, 2]
+        distance_mm = 1e3 * float(normal @ plane.X_LA[:3, 3])
+        out.get(plane.name, {}).update(normal=normal.tolist(), distance_mm=distance_mm)
+    return {"touches": out} if out else {}
+
+
+def _rms_mm(left: NDArray) -> float:
+    return 1e3 * float(np.sqrt(np.mean(left**2)))
 
 
 def _joints(calibration: TreeCalibration) -> list[dict[str, Any]]:

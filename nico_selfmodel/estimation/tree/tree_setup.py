@@ -8,11 +8,22 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, coupling_of, parents_of
-from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES
+from nico_selfmodel.dataset.body.sensors import (
+    CAMERA,
+    CONTACT,
+    DISTANCE,
+    PLANE,
+    POINTS,
+    POSES,
+    SIGHTS,
+    SensorInfo,
+)
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree.tree_parameters import (
+    APART,
     FRAME_PARTS,
+    PLANE_PARTS,
     SHIFTS,
     TURNS,
     TreeParameters,
@@ -114,20 +125,16 @@ def blank_body(data: BodyDataset, lenses: Mapping[str, Camera]) -> BodyTree:
 
     Args:
         data: The recording.
-        lenses: Intrinsics of cameras, by name; the recording's own where they are not given.
-
-    Raises:
-        DataError: If a camera has no lens.
+        lenses: Intrinsics of cameras, by name; the recording's own where they are not given, and
+            any where neither is.
     """
     found: dict[str, Camera] = {}
     for info in data.sensors:
         if info.kind == CAMERA:
             lens = lenses.get(info.name, info.camera)
             if lens is None:
-                raise DataError(
-                    f"nothing tells the lens of camera {info.name!r}: put 'lens' and 'image_size' "
-                    "into dataset.yaml, or give calibrated cameras"
-                )
+                width, height = info.image_size or (1, 1)
+                lens = Camera(width, width, 0.5 * width, 0.5 * height, (width, height))
             found[info.name] = lens
     n = len(data.joints)
     identity = np.eye(4)
@@ -149,9 +156,15 @@ def blank_body(data: BodyDataset, lenses: Mapping[str, Camera]) -> BodyTree:
         tuple(
             Attached(s.name, data.on_link(s.on), identity if s.X_LS is None else s.X_LS)
             for s in data.sensors
-            if s.kind != DISTANCE
+            if s.kind in SIGHTS
         ),
         found,
+        planes=tuple(
+            Attached(s.name, data.on_link(s.on), identity if s.X_LS is None else s.X_LS)
+            for s in data.sensors
+            if s.kind == PLANE
+        ),
+        contacts={s.name: 0.0 for s in data.sensors if s.kind == CONTACT},
     )
 
 
@@ -176,6 +189,7 @@ def setup_of(
     _check_names(parameters, wishes)
     if description is None:
         _refuse_frames(parameters, wishes)
+    _refuse_planes(data, wishes)
     world = _world_of(data, description)
     free, priors = set[str](), dict[str, tuple[float, float]]()
     moving = moving_joints(data, parameters)
@@ -202,8 +216,8 @@ def setup_of(
         free |= {f"{data.markers[m].name}.{part}" for part in parts}
     for s in np.unique(table.sensor).tolist():
         info = data.sensors[s]
-        if info.kind != DISTANCE and info.name != world:
-            free |= {f"{info.name}.{part}" for part in FRAME_PARTS}
+        if info.name != world:
+            free |= {f"{info.name}.{part}" for part in parts_of(info)}
     given = {n: v for n, v in wishes.pins.pinned.items() if v is not None}
     priors |= dict(wishes.priors)
     free = (free | wishes.pins.freed | set(wishes.priors)) - set(wishes.pins.pinned)
@@ -213,6 +227,12 @@ def setup_of(
     return TreeSetup(
         frozenset(free), priors, given, world, scale, _alike(data, description, wishes)
     )
+
+
+def parts_of(sensor: SensorInfo) -> tuple[str, ...]:
+    """Return the parts of a sensor that can be told, but for a lens."""
+    parts: Mapping[str, tuple[str, ...]] = {DISTANCE: (), CONTACT: (APART,), PLANE: PLANE_PARTS}
+    return parts.get(sensor.kind, FRAME_PARTS)
 
 
 def _alike(data: BodyDataset, description: Description | None, wishes: Wishes) -> tuple[Alike, ...]:
@@ -249,6 +269,18 @@ def _refuse_frames(parameters: TreeParameters, wishes: Wishes) -> None:
         )
 
 
+def _refuse_planes(data: BodyDataset, wishes: Wishes) -> None:
+    """Refuse to hold parts of planes that are told from wherever they were found."""
+    held = set(wishes.pins.pinned) | set(wishes.priors)
+    for sensor in data.sensors:
+        own = sorted(held & {f"{sensor.name}.{part}" for part in FRAME_PARTS})
+        if sensor.kind == PLANE and sensor.X_LS is None and own:
+            raise ValueError(
+                f"{listed(own)} can only be held against a told place of plane {sensor.name!r}: "
+                "give it a 'pose' in dataset.yaml, z its normal, from which its parts are told"
+            )
+
+
 def moving_joints(data: BodyDataset, parameters: TreeParameters) -> NDArray:
     """Return which joints move anything against what sees it. Boolean, shape (n,)."""
     table, beyond = data.observations, parameters.base.beyond
@@ -273,7 +305,7 @@ def _world_of(data: BodyDataset, description: Description | None) -> str:
         return KNOWN_PLACES
     if description is not None:
         return "base"
-    standing = [s for s in data.sensors if s.on == WORLD_NAME and s.kind != DISTANCE]
+    standing = [s for s in data.sensors if s.on == WORLD_NAME and s.kind in SIGHTS]
     trackers = [s.name for s in standing if s.kind in (POINTS, POSES)]
     flanges = [j.name for j in data.joints if j.motion == FLANGE and j.parent == WORLD_NAME]
     cameras = [s.name for s in standing if s.kind == CAMERA]
@@ -302,7 +334,7 @@ def _scale_from(data: BodyDataset, description: Description | None, wishes: Wish
     if description is not None:
         return "robot description"
     known = {n for n, v in wishes.pins.pinned.items() if v} | set(wishes.priors)
-    lengths = sorted(n for n in known if n.rpartition(".")[2] in SHIFTS)
+    lengths = sorted(n for n in known if n.rpartition(".")[2] in (*SHIFTS, APART))
     return lengths[0] if lengths else None
 
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.guesses.touch_guess import Touches
 from nico_selfmodel.estimation.tree.mirrors.mirrored_tree import (
     anywhere,
     apart_from,
@@ -55,40 +56,89 @@ class TreeStart:
             description: The robot as described, where it is.
             wishes: What the user holds, frees or knows.
         """
-        unplaced = apart_from(tree, data.mirrors)
+        unplaced, touches = apart_from(tree, data.mirrors), Touches.of(data)
         tree = tree.with_mirrors(anywhere(unplaced))
         base = tree if description is None else _base_of(description, tree)
         parameters = TreeParameters(base)
         setup = setup_of(data, parameters, description, wishes)
-        seen, planes = observations, names_of_mirrors(unplaced)
-        if planes:
-            placed = ~np.isin(data.observations.mirror, unplaced)
-            observations = TreeObservations.of(data, placed)
-        free = setup.free - planes
-        tree = tree.scaled(_length_factor(setup, parameters, tree))
-        values = parameters.values_of(tree)
+        values = parameters.values_of(tree.scaled(_length_factor(setup, parameters, tree)))
         for name, value in setup.fixed.items():
             values[parameters.index[name]] = value
-        if description is not None and tree.lenses:
-            rays = TreeResiduals(observations.as_bearings(tree.lenses), parameters)
-            inside = parameters.of_lenses
-            for held in (inside | parameters.of_joint_frames, inside):
-                values = TreeProblem(rays, free - held, setup.priors).rough(values)[0]
-        problem = TreeProblem(TreeResiduals(observations, parameters), free, setup.priors)
-        values, cost = problem.rough(values)
+        seen, planes = observations, names_of_mirrors(unplaced)
+        waiting = touches.rows | np.isin(data.observations.mirror, unplaced)
+        if waiting.any():
+            observations = TreeObservations.of(data, ~waiting)
+        cost = np.inf
+        if observations.sensors:
+            free = setup.free - planes - touches.names
+            begin = _by_bearings if description is not None and tree.lenses else _roughly
+            values, cost = begin(observations, parameters, values, free, setup)
+        if touches.rows.any():
+            parameters, values = _with_touches(touches, parameters, values, setup)
         if planes:
             parameters, values = place_mirrors(
                 seen, parameters, values, setup.free, setup.fixed, unplaced
             )
-            problem = TreeProblem(TreeResiduals(seen, parameters), setup.free, setup.priors)
-            values, cost = problem.rough(values)
+        if waiting.any():
+            values, cost = _roughly(seen, parameters, values, setup.free, setup)
         if description is None:
-            # Told from where they are now, joint frames keep their names to first order: what is
-            # refined, its covariance and its folds then speak of the same parameters.
-            tree = parameters.tree_of(values)
-            parameters = TreeParameters(tree)
-            values = parameters.values_of(tree)
+            parameters, values = _told_from_there(data, parameters, values)
         return cls(label, parameters, setup, values, cost)
+
+
+def _roughly(
+    seen: TreeObservations,
+    parameters: TreeParameters,
+    values: NDArray,
+    free: frozenset[str],
+    setup: TreeSetup,
+) -> tuple[NDArray, float]:
+    """Adjust roughly; return the values, and a cost by which starts compare."""
+    return TreeProblem(TreeResiduals(seen, parameters), free, setup.priors).rough(values)
+
+
+def _by_bearings(
+    seen: TreeObservations,
+    parameters: TreeParameters,
+    values: NDArray,
+    free: frozenset[str],
+    setup: TreeSetup,
+) -> tuple[NDArray, float]:
+    """The same, bearings before pixels, joints last."""
+    rays, inside = seen.as_bearings(parameters.base.lenses), parameters.of_lenses
+    for held in (inside | parameters.of_joint_frames, inside):
+        values = _roughly(rays, parameters, values, free - held, setup)[0]
+    return _roughly(seen, parameters, values, free, setup)
+
+
+def _told_from_there(
+    data: BodyDataset, parameters: TreeParameters, values: NDArray
+) -> tuple[TreeParameters, NDArray]:
+    """Tell joint frames and planes from where they are, but for planes whose place was told.
+
+    They keep their names to first order: what is refined, its covariance and its folds then speak
+    of the same parameters.
+    """
+    tree, told = parameters.tree_of(values), {s.name for s in data.sensors if s.X_LS is not None}
+    both = zip(parameters.base.planes, tree.planes, strict=True)
+    kept = tuple(first if first.name in told else now for first, now in both)
+    parameters = TreeParameters(replace(tree, planes=kept))
+    return parameters, parameters.values_of(tree)
+
+
+def _with_touches(
+    touches: Touches, parameters: TreeParameters, values: NDArray, setup: TreeSetup
+) -> tuple[TreeParameters, NDArray]:
+    """Place what is touched; parts of planes are then told from where they are."""
+    told = {name: mean for name, (mean, _) in setup.priors.items()} | dict(setup.fixed)
+    tree = touches.placed(parameters.tree_of(values))
+    if setup.scale_from is not None:
+        tree = tree.scaled(touches.scale(tree, told))
+    parameters = TreeParameters(replace(parameters.base, planes=tree.planes))
+    values = parameters.values_of(tree)
+    for name in touches.names & set(setup.fixed):
+        values[parameters.index[name]] = setup.fixed[name]
+    return parameters, values
 
 
 def _base_of(description: Description, tree: BodyTree) -> BodyTree:

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
+from nico_selfmodel.dataset.body.sensors import SIGHTS
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.pose_noise import PoseWhitening
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
@@ -18,9 +18,6 @@ from nico_selfmodel.estimation.tree.tree_setup import Priors
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
 from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.tree.body_tree import BodyTree
-
-PLACES = (POINTS, POSES, CAMERA)
-"""Kinds of sensors that tell where something is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +65,7 @@ def lengths(seen: TreeObservations, r: NDArray) -> NDArray:
     """Return how far off what tells places is, by row of the table; nan for the rest. (N,)."""
     out = np.full(len(seen.data.observations), np.nan)
     for rows in seen.sensors:
-        if rows.kind in PLACES and not rows.apart:
+        if rows.kind in SIGHTS and not rows.apart:
             off = r[rows.scalars].reshape(len(rows.rows), -1)
             out[rows.rows] = np.linalg.norm(off[:, :3], axis=1)
     return out

@@ -49,6 +49,15 @@ def checked_noise(value: Any) -> dict[str, float]:
     return found
 
 
+def checked_contacts(value: Any) -> dict[str, float]:
+    """Return how far apart markers are where they touch, by name.
+
+    Raises:
+        ValueError: If one is no number.
+    """
+    return {str(k): number(v, f"contact {k}") for k, v in mapping(value, "contacts").items()}
+
+
 def checked_expected(value: Any) -> dict[str, dict[str, float]]:
     """Return errors that new poses should show, by unit.
 
@@ -71,7 +80,7 @@ def check_parameters(names: Iterable[str], known: Iterable[str]) -> None:
 
     Args:
         names: Of the parameters.
-        known: Names of joints, markers, sensors.
+        known: Names of joints, markers, sensors, planes, contacts.
 
     Raises:
         ValueError: If one belongs to none of these, nor to a mirror.

@@ -24,6 +24,7 @@ from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.model.tree.body_check import (
     check_joint,
     check_parameters,
+    checked_contacts,
     checked_expected,
     checked_noise,
     link_named,
@@ -57,7 +58,7 @@ class BodyModel:
     noise: Mapping[str, float] = field(default_factory=dict)
     """Standard deviations of sensors and joints, by name [m, rad or px]."""
     expected: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Errors that new poses should show: unit (`mm`, `px`) -> `median` and `n`, of poses."""
+    """Errors that new poses should show: `mm`, `px`, `touch` [m] -> `median` and `n`, of poses."""
     provenance: Mapping[str, Any] = field(default_factory=dict)
     """Where it came from."""
     limits: NDArray = field(default_factory=lambda: np.zeros((2, 0)))
@@ -112,6 +113,10 @@ def body_text(model: BodyModel) -> str:
     }
     if tree.mirrors:
         document["mirrors"] = [_mirror(mirror) for mirror in tree.mirrors]
+    if tree.planes:
+        document["planes"] = [_attached(tree, plane) for plane in tree.planes]
+    if tree.contacts:
+        document["contacts"] = dict(tree.contacts)
     if tree.bending is not None:
         document["bending"] = bending_document(tree.bending)
     if model.covariance is not None:
@@ -221,6 +226,10 @@ def _model(document: dict[str, Any]) -> BodyModel:
         {entry["name"]: _read_lens(entry["lens"]) for entry in sensors if "lens" in entry},
         bending_of(mapping(document["bending"], "bending")) if "bending" in document else None,
         tuple(_read_mirror(entry) for entry in mappings(document.get("mirrors", []), "mirrors")),
+        tuple(
+            _read_attached(entry, index) for entry in mappings(document.get("planes", []), "planes")
+        ),
+        checked_contacts(document.get("contacts")),
     )
     known = document.get("covariance")
     covariance = None

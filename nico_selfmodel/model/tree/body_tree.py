@@ -73,6 +73,10 @@ class BodyTree:
     """What bends, of all joints; only those that turn bend. Nothing if None."""
     mirrors: tuple[StandingMirror, ...] = ()
     """What it sees itself in, fixed in the world."""
+    planes: tuple[Attached, ...] = ()
+    """What its markers touch: each the plane z = 0 of a frame."""
+    contacts: Mapping[str, float] = field(default_factory=dict)
+    """How far apart two markers are where they touch, by name [m]."""
 
     def __post_init__(self) -> None:
         """Check that it is a tree, and make the arrays read-only."""
@@ -87,7 +91,7 @@ class BodyTree:
         parent = read_only(self.parent, int)
         if parent.shape != (n,) or (parent >= np.arange(n)).any() or (parent < WORLD).any():
             raise ValueError(f"a parent must come before its children, got parents {parent}")
-        for attached in (*self.markers, *self.sensors):
+        for attached in self.attached:
             if not WORLD <= attached.on < n:
                 raise ValueError(f"{attached.name} is on joint {attached.on} of {n}")
         if len(self.motions) != n or set(self.motions) - set(MOTIONS):
@@ -101,13 +105,18 @@ class BodyTree:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of joints, markers and sensors."""
-        return (*self.joints, *(item.name for item in (*self.markers, *self.sensors)))
+        """Of joints, markers, sensors, planes and contacts."""
+        return (*self.joints, *(item.name for item in self.attached), *self.contacts)
+
+    @property
+    def attached(self) -> tuple[Attached, ...]:
+        """Frames on links: of markers, then sensors, then planes."""
+        return (*self.markers, *self.sensors, *self.planes)
 
     @cached_property
     def X_attached(self) -> NDArray:
-        """Poses of markers, then sensors, on their links [m]. Shape (m + s, 4, 4)."""
-        return np.stack([item.X_LA for item in (*self.markers, *self.sensors)])
+        """Their poses on their links [m]. Shape (a, 4, 4)."""
+        return np.stack([item.X_LA for item in self.attached])
 
     @property
     def beyond(self) -> NDArray:
@@ -191,4 +200,6 @@ class BodyTree:
             markers=of(self.markers),
             sensors=of(self.sensors),
             mirrors=tuple(mirror.scaled(factor) for mirror in self.mirrors),
+            planes=of(self.planes),
+            contacts={name: factor * apart for name, apart in self.contacts.items()},
         )

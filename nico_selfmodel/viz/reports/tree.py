@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
+from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE
@@ -20,12 +20,14 @@ from nico_selfmodel.viz.reports.tables import Cell, Table, error_table, held_out
 from nico_selfmodel.viz.reports.updates import about_update, told_by_update
 from nico_selfmodel.viz.scene.tree_scene import tree_scene
 
-_QUANTITIES = (
-    ("position_mm", "mm", (POINTS, POSES), "in space [mm]", "Distance of each marker that a "
-     "tracker measured from where the body expects it."),
-    ("pixels", "px", (CAMERA,), "in the images [px]", "Distance of each observation from where the "
-     "body expects it, each camera counted by itself."),
-)  # fmt: skip
+_SPACE = {
+    True: "Distance of each marker that a tracker measured from where the body expects it.",
+    False: "By how much each touch or distance is missed.",
+}
+"""What errors in space are, where anything was seen and where nothing was."""
+_IMAGES = (
+    "Distance of each observation from where the body expects it, each camera counted by itself."
+)
 
 _RESIDUAL_HEADINGS = ("set", "sample", "sensor", "marker", "outlier", "error", "unit")
 _ABOUT = "What was learned of a body from all that any sensors measured of it"
@@ -81,7 +83,11 @@ def tree_report(calibration: TreeCalibration, document: Mapping[str, Any]) -> Re
 
 def _errors(calibration: TreeCalibration, document: Mapping[str, Any]) -> parts.Section:
     tables, drawing, inliers = [], None, ~calibration.solution.outliers
-    for quantity, unit, kinds, heading, words in _QUANTITIES:
+    space = calibration.train.in_space
+    for quantity, unit, kinds, heading, words in (
+        ("position_mm", "mm", space, "in space [mm]", _SPACE[POINTS in space]),
+        ("pixels", "px", (CAMERA,), "in the images [px]", _IMAGES),
+    ):
         if quantity not in document["train"]:
             continue
         factor = 1e3 if unit == "mm" else 1.0
@@ -96,9 +102,21 @@ def _errors(calibration: TreeCalibration, document: Mapping[str, Any]) -> parts.
         )
         figure = distribution(sets, unit=unit, digits=2, what="error", thing="observation")
         drawing = drawing or parts.drawing(f"Distribution of the errors {heading}", figure, "half")
+    if POINTS in space:
+        tables.append((_touches(document), "By how much touches and distances are missed."))
     return shared_sections.errors_section(
         document, *tables, few="with so few poses", figure=drawing
     )
+
+
+def _touches(document: Mapping[str, Any]) -> Table | None:
+    """Return by how much touches and distances are missed; nothing without any."""
+    rows = []
+    for name, entry in document.get("touches", {}).items():
+        held = number_cell(entry.get("test_rms_mm"), 3), Cell(str(entry.get("test_n", "")))
+        rows.append((name, (number_cell(entry["rms_mm"], 3), Cell(str(entry["n"])), *held)))
+    headings = ("touches", "rms [mm]", "n", "held out [mm]", "n")
+    return Table(headings, tuple(rows)) if rows else None
 
 
 def _learned(

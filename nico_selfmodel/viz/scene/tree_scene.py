@@ -45,7 +45,7 @@ def tree_scene(name: str, tree: BodyTree, data: BodyDataset) -> Scene:
     items += [item for name, plate in glasses.items() for item in _glass_items(name, plate)]
     items += _cloud(seen, unit)
     centres, markers = axis_points(tree, motion), _marker_points(tree, motion)
-    sensors = np.stack([motion.pose_of(s)[1][:, 0] for s in tree.sensors])
+    sensors = np.array([motion.pose_of(s)[1][:, 0] for s in tree.sensors]).reshape(-1, 3)
     points = apply(X_SW, np.vstack([centres, markers, sensors, seen, *glasses.values()]))
     own = [marker.on != WORLD for marker in tree.markers]
     near = apply(X_SW, np.vstack([centres, markers[own], sensors, seen, *glasses.values()]))

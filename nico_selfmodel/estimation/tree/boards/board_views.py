@@ -49,7 +49,7 @@ def _views(observations: TreeObservations, lenses: Mapping[str, Camera]) -> Iter
     for rows in observations.sensors:
         if rows.kind not in (CAMERA, BEARING):
             continue
-        camera = data.sensors[rows.sensor].name
+        camera = rows.name
         seen = rows.measured
         rays = lenses[camera].directions(seen) if rows.kind == CAMERA else seen
         on = data.seen_on[rows.rows]

@@ -53,7 +53,7 @@ def first_poses(tree: BodyTree, observations: TreeObservations) -> NDArray:
     for rows in observations.sensors:
         if rows.kind in (POINTS, POSES):
             for sample, joint, X_SB in _measured(data, rows):
-                R, p = by_name[data.sensors[rows.sensor].name]
+                R, p = by_name[rows.name]
                 out[:, sample, joint] = transform(R[:, :, sample], p[:, sample]) @ X_SB
                 best[sample, joint] = 1
     _check(observations, best)

@@ -68,10 +68,7 @@ def _sliding(calibration: TreeCalibration) -> list[Finding]:
 def _of_sensors(calibration: TreeCalibration, *, lengths: bool) -> list[Finding]:
     """Say which lenses and lengths the recording contradicts; all lenses in one sentence."""
     observations = calibration.train.observations
-    scalars = {
-        observations.data.sensors[rows.sensor].name: rows.measured.size
-        for rows in observations.sensors
-    }
+    scalars = {rows.name: rows.measured.size for rows in observations.sensors}
     lenses: dict[str, list[str]] = {}
     found = []
     for name, score in calibration.held.items():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset.body.sensors import DISTANCE
+from nico_selfmodel.dataset.body.sensors import SIGHTS
 from nico_selfmodel.estimation.observations.outlier_words import exchanged_names
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
@@ -26,7 +26,7 @@ def exchanged_markers(calibration: TreeCalibration) -> list[str]:
     """
     table, wrong = calibration.data.observations, calibration.solution.outliers
     kinds = np.array([sensor.kind for sensor in calibration.data.sensors])
-    rows = np.flatnonzero(wrong & (kinds[table.sensor] != DISTANCE))
+    rows = np.flatnonzero(wrong & np.isin(kinds[table.sensor], SIGHTS))
     counts = np.bincount(table.marker[rows], minlength=len(calibration.data.markers))
     asked = np.flatnonzero(counts >= _FEWEST)
     if len(asked) < 2 or calibration.data.free_joints:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE
+from nico_selfmodel.dataset.body.sensors import DISTANCE, POINTS, POSES
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, WARNING
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
@@ -69,9 +69,7 @@ def held_scores(problem: TreeProblem, solution: TreeSolution) -> dict[str, HeldS
 def _by_lenses(problem: TreeProblem, linear: TreeLinear) -> dict[str, NDArray]:
     """Return derivatives by focal lengths and middles of lenses that were held. (R, 4) each."""
     parameters, found = problem.residuals.parameters, {}
-    seeing = {
-        problem.observations.data.sensors[s.sensor].name for s in problem.observations.sensors
-    }
+    seeing = {s.name for s in problem.observations.sensors}
     for name in parameters.base.lenses:
         inside = [f"{name}.{part}" for part in ("fx", "fy", "cx", "cy")]
         if name in seeing and not set(inside) & set(problem.free_names):
@@ -88,13 +86,13 @@ def _by_lengths(seen: TreeObservations, linear: TreeLinear) -> dict[str, NDArray
     all_left = linear.r if linear.pulled is None else linear.r + linear.pulled
     found = {}
     for rows in seen.sensors:
-        if rows.kind != CAMERA:
+        if rows.kind in (DISTANCE, POINTS, POSES):
             column = np.zeros((seen.scalars, 1))
             own = column[rows.scalars].reshape(rows.measured.shape)
             left = all_left[rows.scalars].reshape(rows.measured.shape)
             lengths = 1 if rows.kind == DISTANCE else 3
             own[:, :lengths] = (rows.measured + left)[:, :lengths]
-            found[seen.data.sensors[rows.sensor].name] = column
+            found[rows.name] = column
     return found
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
-from nico_selfmodel.dataset.body.sensors import DISTANCE
+from nico_selfmodel.dataset.body.sensors import SIGHTS
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.tree.body_tree import REVOLUTE
 from nico_selfmodel.names import listed
@@ -56,7 +56,7 @@ def _frozen(data: BodyDataset, travel: NDArray) -> tuple[str, str, int] | None:
     """Return a sensor and a marker that moved before it of which it told one value throughout."""
     table, moved = data.observations, bool((travel > _STILL).any())
     kinds = np.array([sensor.kind for sensor in data.sensors])[table.sensor]
-    own = moved & (kinds != DISTANCE) & (table.pose != ANY_POSE) & (data.seen_on >= 0)
+    own = moved & np.isin(kinds, SIGHTS) & (table.pose != ANY_POSE) & (data.seen_on >= 0)
     rows = np.flatnonzero(own)
     keys = np.column_stack([table.sensor[rows], table.marker[rows]])
     for sensor, marker in np.unique(keys, axis=0).tolist():

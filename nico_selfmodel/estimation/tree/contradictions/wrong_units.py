@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import DataError, SelfModelError
 from nico_selfmodel.estimation.diagnosis.mistaken_units import OTHER_UNIT, mistaken_units
-from nico_selfmodel.estimation.tree.start_search import FoundStart
+from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart
 from nico_selfmodel.model.tree.body_tree import REVOLUTE
 from nico_selfmodel.names import listed
 

@@ -89,6 +89,11 @@ def shown_bearings(p_SM: NDArray, lens: Camera, rays: NDArray) -> Shown:
 
 
 def shown_distances(p_SM: NDArray, measured: NDArray) -> Shown:
-    """The distance of two markers, of which S is the second."""
+    """The distance of two markers, of which S is the second; of what touches less what it is."""
     length = np.maximum(np.linalg.norm(p_SM, axis=1), 1e-9)
     return Shown(length[:, None] - measured, (p_SM / length[:, None])[:, None, :])
+
+
+def shown_heights(p_SM: NDArray) -> Shown:
+    """The height over a plane z = 0 in which the marker lies."""
+    return Shown(p_SM[:, 2:], np.broadcast_to(np.eye(3)[2:], (len(p_SM), 1, 3)))

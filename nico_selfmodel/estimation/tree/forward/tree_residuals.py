@@ -19,23 +19,16 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS
+from nico_selfmodel.dataset.body.sensors import CONTACT, PAIRS
 from nico_selfmodel.estimation.tree.boards.first_poses import first_poses
 from nico_selfmodel.estimation.tree.boards.settled_poses import SETTLING_ROUNDS, settled_poses
 from nico_selfmodel.estimation.tree.forward.joint_errors import erring_readings
 from nico_selfmodel.estimation.tree.forward.pushes import Push, by_bearing, by_bends, by_frames
 from nico_selfmodel.estimation.tree.forward.rows_last import at_samples, dot_first
-from nico_selfmodel.estimation.tree.forward.sensor_models import (
-    Shown,
-    shown_bearings,
-    shown_distances,
-    shown_pixels,
-    shown_points,
-    shown_poses,
-)
-from nico_selfmodel.estimation.tree.forward.sensor_run import AttachedEnds, SensorRun, Sight
+from nico_selfmodel.estimation.tree.forward.sensor_run import AttachedEnds, SensorRun
+from nico_selfmodel.estimation.tree.forward.sights import sight_of
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
-from nico_selfmodel.estimation.tree.tree_observations import BEARING, SensorRows, TreeObservations
+from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import BodyParameters
 from nico_selfmodel.geometry.reflection import reflect, reflection, reflection_slopes
 from nico_selfmodel.model.arm.line_kinematics import cross
@@ -73,7 +66,8 @@ class TreeResiduals:
         self._layout = parameters.layout
         self._on = np.array([a.on for a in self._layout.attached])
         self._beyond = parameters.base.beyond
-        self._sensor_names = [s.name for s in parameters.base.sensors]
+        base = parameters.base
+        self._sensor_names = [s.name for s in (*base.sensors, *base.planes)]
 
     def about(self, parameters: BodyParameters, poses: NDArray | None = None) -> Self:
         """Return the same of other parameters of nearly the same body.
@@ -158,7 +152,7 @@ class TreeResiduals:
             return self.erring(None).residuals(values)
         tree = self.parameters.tree_of(values)
         motion = self.motion(tree)
-        shown = [self.show(tree, motion, run).shown for run in self._runs]
+        shown = [sight_of(tree, motion, run).shown for run in self._runs]
         return np.concatenate([part.residual.ravel() for part in shown])
 
     def linear(self, values: NDArray, start: NDArray | None = None) -> TreeLinear:
@@ -195,39 +189,11 @@ class TreeResiduals:
 
     def _items(self, rows: SensorRows) -> tuple[NDArray, NDArray]:
         """Return which attached frames are seen, and which see. Shape (N,) each."""
-        if rows.kind == DISTANCE:
+        if rows.kind in PAIRS:
             return rows.marker, rows.other
         markers = len(self._layout.base.markers)
-        name = self.observations.data.sensors[rows.sensor].name
-        return rows.marker, np.full(len(rows.rows), markers + self._sensor_names.index(name))
-
-    def show(self, tree: BodyTree, motion: TreeMotion, run: SensorRun) -> Sight:
-        """Return what sensors show.
-
-        Args:
-            tree: The body.
-            motion: It at the samples.
-            run: What the sensors measured, N observations.
-        """
-        frames = tree.X_attached
-        p_WM, p_WS = run.seen.places(motion, frames), run.seeing.places(motion, frames)
-        R_SW = np.swapaxes(run.seeing.orientations(motion, frames), 1, 2)
-        apparent = reflect(tree.mirror(run.mirror).plane, p_WM) if run.mirror else p_WM
-        p_SM = (R_SW @ (apparent - p_WS)[:, :, None])[:, :, 0]
-        if run.kind in (CAMERA, BEARING):
-            show = shown_pixels if run.kind == CAMERA else shown_bearings
-            names = [self.observations.data.sensors[rows.sensor].name for rows in run.parts]
-            each = zip(names, run.own, run.parts, strict=True)
-            parts = [show(p_SM[own], tree.lenses[name], part.measured) for name, own, part in each]
-            return Sight(Shown.together(parts), tuple(parts), R_SW, p_WM, p_WS)
-        if run.kind == DISTANCE:
-            shown = shown_distances(p_SM, run.measured)
-        elif run.kind == POINTS:
-            shown = shown_points(p_SM, run.measured)
-        else:
-            R_SM = R_SW @ run.seen.orientations(motion, frames)
-            shown = shown_poses(p_SM, R_SM, run.measured)
-        return Sight(shown, (), R_SW, p_WM, p_WS)
+        seeing = markers + self._sensor_names.index(rows.name)
+        return rows.marker, np.full(len(rows.rows), seeing)
 
     @cached_property
     def _runs(self) -> tuple[SensorRun, ...]:
@@ -248,7 +214,7 @@ class TreeResiduals:
     def _linear(
         self, tree: BodyTree, motion: TreeMotion, slopes: NDArray, run: SensorRun
     ) -> TreeLinear:
-        sight = self.show(tree, motion, run)
+        sight = sight_of(tree, motion, run)
         residual, pose = sight.shown.residual, run.pose
         N, k = residual.shape
         J = np.zeros((len(self._layout.names), N, k))
@@ -275,14 +241,16 @@ class TreeResiduals:
         self._by_attached(J, motion, slopes, pushed, run.seeing, sight.p_WS)
         for rows, own, one in zip(run.parts, run.own, sight.parts, strict=False):
             if one.by_lens is not None:
-                name = self.observations.data.sensors[rows.sensor].name
-                J[self._layout.intrinsics(name), own] = one.by_lens.transpose(2, 0, 1)
+                J[self._layout.intrinsics(rows.name), own] = one.by_lens.transpose(2, 0, 1)
+        if run.kind == CONTACT:
+            for rows, own in zip(run.parts, run.own, strict=True):
+                J[self._layout.contact(rows.name), own] = -1.0
         return TreeLinear(residual.ravel(), J.reshape(len(J), -1), by_joint.reshape(N * k, -1))
 
     def _of_free_in(
         self, tree: BodyTree, motion: TreeMotion, run: SensorRun
     ) -> tuple[NDArray, NDArray]:
-        sight = self.show(tree, motion, run)
+        sight = sight_of(tree, motion, run)
         residual = sight.shown.residual
         push = Push.of_sight(sight, run.seen)
         if run.mirror:
@@ -385,6 +353,7 @@ class TreeResiduals:
                 continue
             R = at_samples(motion.R_WL[self._on[item]], samples)
             columns = rows[6 * frame : 6 * frame + 6]
-            columns[3:, own] += dot_first(shift[:, None, own], R)
+            base = self._layout.frames[frame, :3, :3]
+            columns[3:, own] += base.T @ dot_first(shift[:, None, own], R)
             if about is not None:
                 columns[:3, own] += slopes[frame].T @ dot_first(about[:, None, own], R)

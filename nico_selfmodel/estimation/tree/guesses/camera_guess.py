@@ -28,7 +28,7 @@ from nico_selfmodel.geometry.rotation import (
     rotation_vector_slope,
     skew,
 )
-from nico_selfmodel.geometry.transform import inverse, transform
+from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.least_squares import NormalEquations, levenberg_marquardt
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.names import listed
@@ -205,8 +205,8 @@ def cameras_from_markers(
         seed: Of the draws.
 
     Returns:
-        X_WC by camera, shape (4, 4), and the markers that two of them saw, in units of the first
-        baseline.
+        X_WC by camera, shape (4, 4), of those that saw what others saw, and the markers that two of
+        them saw, in units of the first baseline.
 
     Raises:
         DataError: If no two cameras saw enough together, or they contradict each other.
@@ -222,11 +222,14 @@ def cameras_from_markers(
     p = homogeneous(first) * depth[:, None]
     points = SeenPoints(seen[a].pose[rows_a][agree], seen[a].marker[rows_a][agree], p[agree])
     places = {a: np.eye(4), b: X_AB}
-    for name in seen:
-        if name not in places:
-            places[name] = resected(seen[name], lenses[name], points, name, rng)
-    names = list(seen)
-    X_NA = inverse(places[names[0]])
+    while left := [name for name in seen if name not in places]:
+        counts = {name: len(together(seen[name], points)[0]) for name in left}
+        name = max(left, key=lambda one: counts[one])
+        if counts[name] < FEWEST_TOGETHER:
+            break
+        places[name] = resected(seen[name], lenses[name], points, name, rng)
+        points = _more(points, seen, lenses, places, name)
+    X_NA = inverse(places[next(name for name in seen if name in places)])
     places = {name: X_NA @ X for name, X in places.items()}
     moved = points.p_WM @ X_NA[:3, :3].T + X_NA[:3, 3]
     return places, SeenPoints(points.pose, points.marker, moved)
@@ -250,9 +253,39 @@ def _best_pair(seen: Mapping[str, SensorRows]) -> tuple[str, str, NDArray, NDArr
     return best
 
 
-def together(a: SensorRows, b: SensorRows) -> tuple[NDArray, NDArray]:
-    """Return rows of two sensors that are of one marker in one sample."""
-    most = int(max(a.marker.max(), b.marker.max())) + 1
+def _more(
+    points: SeenPoints,
+    seen: Mapping[str, SensorRows],
+    lenses: Mapping[str, Camera],
+    places: Mapping[str, NDArray],
+    new: str,
+) -> SeenPoints:
+    """Add what a camera that was placed and one before it both saw, and nobody has located."""
+    for other in (name for name in places if name != new):
+        i, j = together(seen[new], seen[other])
+        fresh = ~np.isin(np.arange(len(seen[new].rows)), together(seen[new], points)[0])[i]
+        i, j = i[fresh], j[fresh]
+        X_NO = inverse(places[new]) @ places[other]
+        X_ON = inverse(X_NO)
+        x = lenses[new].undistort(seen[new].measured[i])
+        y = lenses[other].undistort(seen[other].measured[j])
+        depth = two_view_depths(X_ON[:3, :3], X_ON[:3, 3], x, y)
+        p = homogeneous(x) * depth[:, :1]
+        p_O = apply(X_ON, p)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            off = np.abs(p_O[:, :2] / p_O[:, 2:] - y).max(axis=1, initial=0.0)
+            good = (depth > 0.0).all(axis=1) & (off < _WITHIN_PX / lenses[other].fx)
+        points = SeenPoints(
+            np.append(points.pose, seen[new].pose[i[good]]),
+            np.append(points.marker, seen[new].marker[i[good]]),
+            np.vstack([points.p_WM, apply(places[new], p[good])]),
+        )
+    return points
+
+
+def together(a: SensorRows, b: SensorRows | SeenPoints) -> tuple[NDArray, NDArray]:
+    """Return rows of a sensor, and of another or of points, of one marker in one sample."""
+    most = int(max(a.marker.max(initial=0), b.marker.max(initial=0))) + 1
     _, i, j = np.intersect1d(
         a.pose * most + a.marker, b.pose * most + b.marker, return_indices=True
     )
@@ -268,10 +301,7 @@ def resected(
     Raises:
         DataError: If it saw fewer than six of them.
     """
-    most = int(max(rows.marker.max(), points.marker.max())) + 1
-    _, i, j = np.intersect1d(
-        rows.pose * most + rows.marker, points.pose * most + points.marker, return_indices=True
-    )
+    i, j = together(rows, points)
     rays = lens.directions(rows.measured[i])
     # At a fold of its lens a camera may have no ray for a pixel.
     told = np.isfinite(rays).all(axis=1)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.guesses.touch_guess import Touches
 from nico_selfmodel.estimation.tree.tree_observations import BEARING, TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import FRAME_PARTS, SHIFTS, TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
@@ -38,9 +39,12 @@ def cameras_all_around(data: BodyDataset, tree: BodyTree) -> Iterator[BodyTree]:
         data: The recording, of which a few poses are enough.
         tree: The robot as described; only cameras and markers move.
     """
-    step = -(-len(data.sample) // _POSES)
-    data = data.select(np.arange(len(data.sample)) % step == 0)
-    bearings = TreeObservations.of(data).as_bearings(tree.lenses)
+    cameras = np.array([sensor.name in tree.lenses for sensor in data.sensors])
+    table = data.observations
+    seen = np.isin(np.arange(len(data.sample)), table.pose[cameras[table.sensor]])
+    step = -(-int(seen.sum()) // _POSES)
+    data = data.select(seen & ((np.cumsum(seen) - 1) % step == 0))
+    bearings = TreeObservations.of(data, ~Touches.of(data).rows).as_bearings(tree.lenses)
     parameters = TreeParameters(tree)
     names = [*tree.lenses, *(m.name for m in tree.markers)]
     parts = {name: FRAME_PARTS if name in tree.lenses else SHIFTS for name in names}
@@ -71,7 +75,7 @@ def _placed(
     for rows in bearings.sensors:
         if rows.kind != BEARING:
             continue
-        (i,) = [k for k, s in enumerate(sensors) if s.name == data.sensors[rows.sensor].name]
+        (i,) = [k for k, s in enumerate(sensors) if s.name == rows.name]
         p = motion.points(rows.marker, rows.pose)
         if sensors[i].on != WORLD:
             R = motion.R_WL[sensors[i].on][:, :, rows.pose].transpose(2, 0, 1)

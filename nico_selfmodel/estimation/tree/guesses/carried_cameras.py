@@ -104,7 +104,7 @@ def _check_seen(data: BodyDataset, blank: BodyTree) -> None:
 
 
 def _sensor(tree: BodyTree, data: BodyDataset, rows: SensorRows) -> int:
-    return [s.name for s in tree.sensors].index(data.sensors[rows.sensor].name)
+    return [s.name for s in tree.sensors].index(rows.name)
 
 
 def _resected(
@@ -113,7 +113,7 @@ def _resected(
     """Place a camera at every sample at which it saw enough known markers."""
     known = np.array([m.xyz is not None and m.on == "world" for m in data.markers])
     places = np.array([m.X_LA[:3, 3] for m in blank.markers])
-    name = data.sensors[rows.sensor].name
+    name = rows.name
     rays = blank.lenses[name].directions(rows.measured)
     # At a fold of its lens a camera may have no ray for a pixel.
     usable = known[rows.marker] & np.isfinite(rays).all(axis=1)
@@ -158,10 +158,7 @@ def reconstructed_by(
         seen: What the cameras saw.
         places: X_WC by name. Shape (4, 4) each.
     """
-    placed = [
-        _Placed(rows, dict.fromkeys(rows.pose.tolist(), places[data.sensors[rows.sensor].name]))
-        for rows in seen
-    ]
+    placed = [_Placed(rows, dict.fromkeys(rows.pose.tolist(), places[rows.name])) for rows in seen]
     return _reconstructed_by_all(data, blank, placed)
 
 
@@ -182,7 +179,7 @@ def _reconstructed(data: BodyDataset, blank: BodyTree, a: _Placed, b: _Placed) -
     lines = []
     for item, rows in ((a, i), (b, j)):
         X = np.array([item.X_WC[p] for p in pose.tolist()]).reshape(-1, 4, 4)
-        lens = blank.lenses[data.sensors[item.rows.sensor].name]
+        lens = blank.lenses[item.rows.name]
         d = lens.directions(item.rows.measured[rows])
         lines.append((X[:, :3, 3], np.einsum("nij,nj->ni", X[:, :3, :3], d)))
     (p, d), (q, e) = lines

@@ -1,6 +1,6 @@
 """First bodies, by what is unknown: from nothing, from a description, from flange poses."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,9 +8,18 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
 from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
-from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES
+from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES, SIGHTS
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.tree.guesses.camera_guess import cameras_from_markers, resected
+from nico_selfmodel.estimation.tree.guesses.by_first_body import (
+    before_tracker,
+    with_others,
+    with_tracker,
+)
+from nico_selfmodel.estimation.tree.guesses.camera_guess import (
+    cameras_from_markers,
+    resected,
+    together,
+)
 from nico_selfmodel.estimation.tree.guesses.cameras_around import cameras_all_around
 from nico_selfmodel.estimation.tree.guesses.carried_cameras import (
     body_from_carried_cameras,
@@ -21,6 +30,7 @@ from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints, body_
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_setup import Description
 from nico_selfmodel.geometry.alignment import Alignment
+from nico_selfmodel.geometry.resection import FEWEST
 from nico_selfmodel.geometry.rotation import nearest_rotation, rotation_from_vector
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, BodyTree
@@ -28,6 +38,8 @@ from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
 _TRIES = 4
 """Searches from nothing at most; two that agree end it."""
+_FEWEST_COMMON = 3
+"""Markers that tracker and cameras saw at the same poses by which they are placed to each other."""
 _FAR = 0.15
 """Angle within which a marker of a described robot must appear where it is expected [rad]."""
 
@@ -80,19 +92,11 @@ def _from_nothing(
         return body_from_carried_cameras(data, blank, observations, seed)
     standing = [rows for rows in observations.sensors if data.sensors[rows.sensor].on == "world"]
     trackers = [rows for rows in standing if rows.kind in (POINTS, POSES)]
-    cameras = {data.sensors[r.sensor].name: r for r in standing if r.kind == CAMERA}
+    cameras = {r.name: r for r in standing if r.kind == CAMERA}
     if trackers:
-        first = trackers[0]
-        points = SeenPoints(first.pose, first.marker, first.measured[:, :3])
-        seen = [rows.marker for rows in cameras.values()]
-        if len(cameras) >= 2 and not np.isin(np.concatenate(seen), points.marker).all():
-            points = _joined(points, cameras_from_markers(cameras, blank.lenses, seed)[1])
-        rng = np.random.default_rng(seed)
-        places = {
-            name: resected(rows, blank.lenses[name], points, name, rng)
-            for name, rows in cameras.items()
-        }
-    elif len(cameras) >= 2 and set(cameras) <= set(standing_at):
+        tree = _by_trackers(data, blank, trackers, cameras, seed)
+        return _with_orientations(data, tree, observations)
+    if len(cameras) >= 2 and set(cameras) <= set(standing_at):
         places = dict(standing_at)
         points = reconstructed_by(data, blank, tuple(cameras.values()), places)
     elif len(cameras) >= 2:
@@ -100,30 +104,88 @@ def _from_nothing(
         factor = _scale(data, points)
         points = replace(points, p_WM=factor * points.p_WM)
         places = {name: _larger(X, factor) for name, X in places.items()}
+    elif not any(rows.kind in SIGHTS for rows in observations.sensors):
+        raise DataError(
+            "touches and distances alone cannot tell a body from nothing: give the robot's "
+            "description, or record with two cameras or a tracker, too"
+        )
     else:
         raise DataError(
             "one camera alone cannot tell a body from nothing: give the robot's description, "
             "whose lengths tell it, or record with two cameras or a tracker"
         )
-    tree = _with_sensors(blank, places)
-    tree = body_from_points(data, tree, points, seed)
+    tree = _by_cameras(data, blank, cameras, places, points, seed)
     return _with_orientations(data, tree, observations)
 
 
-def _joined(tracked: SeenPoints, seen: SeenPoints) -> SeenPoints:
-    """Return tracked points, and those that cameras reconstructed, in the tracker's frame.
+def _by_cameras(
+    data: BodyDataset,
+    blank: BodyTree,
+    cameras: Mapping[str, SensorRows],
+    places: Mapping[str, NDArray],
+    points: SeenPoints,
+    seed: int,
+) -> BodyTree:
+    """Return a body by points in space, and what else its cameras tell of it.
 
-    Raises:
-        DataError: If tracker and cameras saw fewer than three markers at the same poses.
+    Args:
+        data: The recording.
+        blank: The body with nothing known of its geometry.
+        cameras: What standing cameras saw, by name.
+        places: Where some of them stand. Shape (4, 4) each.
+        points: Markers in space.
+        seed: Of what is drawn.
     """
+    tree = body_from_points(data, _with_sensors(blank, places), points, seed)
+    return with_others(data, tree, cameras, list(places), np.unique(points.marker), seed)
+
+
+def _by_trackers(
+    data: BodyDataset,
+    blank: BodyTree,
+    trackers: Sequence[SensorRows],
+    cameras: Mapping[str, SensorRows],
+    seed: int,
+) -> BodyTree:
+    """Return a body in the first tracker's frame, with cameras that saw the same or something else.
+
+    Cameras that share no markers with the tracker find a body of their own, in which the tracker is
+    placed then; one camera alone is placed by the tracker's.
+    """
+    first, rng = trackers[0], np.random.default_rng(seed)
+    tracked = SeenPoints(first.pose, first.marker, first.measured[:, :3])
+    points, seen = tracked, [rows.marker for rows in cameras.values()]
+    places: dict[str, NDArray] | None = None
+    if len(cameras) >= 2 and not np.isin(np.concatenate(seen), tracked.marker).all():
+        places, apart = cameras_from_markers(cameras, blank.lenses, seed)
+        points = apart
+        if _common(tracked, apart) >= _FEWEST_COMMON:
+            points, places = _joined(tracked, apart), None
+    if places is not None:
+        tree = _by_cameras(data, blank, cameras, places, points, seed)
+        tree = before_tracker(data, tree, first)
+    elif all(len(together(rows, points)[0]) >= FEWEST for rows in cameras.values()):
+        at = {n: resected(r, blank.lenses[n], points, n, rng) for n, r in cameras.items()}
+        tree = _by_cameras(data, blank, cameras, at, points, seed)
+    else:
+        tree = body_from_points(data, blank, points, seed)
+        tree = next(cameras_all_around(data, tree))
+    for rows in trackers[1:]:
+        tree = with_tracker(data, tree, rows)
+    return tree
+
+
+def _common(one: SeenPoints, other: SeenPoints) -> int:
+    """Return how many markers two saw at the same poses."""
+    keys = (set(zip(p.pose.tolist(), p.marker.tolist(), strict=True)) for p in (one, other))
+    return len(set.intersection(*keys))
+
+
+def _joined(tracked: SeenPoints, seen: SeenPoints) -> SeenPoints:
+    """Return tracked points, and those that cameras reconstructed, in the tracker's frame."""
     most = int(max(tracked.marker.max(), seen.marker.max())) + 1
     one, two = (points.pose * most + points.marker for points in (tracked, seen))
     _, i, j = np.intersect1d(one, two, return_indices=True)
-    if len(i) < 3:
-        raise DataError(
-            f"tracker and cameras saw {len(i)} markers at the same poses, 3 are needed at least to "
-            "tell where they are to each other"
-        )
     found = Alignment.from_points(seen.p_WM[j], tracked.p_WM[i], with_scale=True)
     alone = ~np.isin(two, one)
     moved = found.scale * seen.p_WM[alone] @ found.rotation.T + found.translation
@@ -175,7 +237,7 @@ def _with_orientations(
     for rows in observations.sensors:
         if rows.kind != POSES:
             continue
-        R_WS = motion.pose_of(places[data.sensors[rows.sensor].name])[0]
+        R_WS = motion.pose_of(places[rows.name])[0]
         for m in np.unique(rows.marker).tolist():
             own = np.flatnonzero(rows.marker == m)
             pose = rows.pose[own]
@@ -220,7 +282,7 @@ def _other_markers(data: BodyDataset, tree: BodyTree, observations: TreeObservat
     for rows in observations.sensors:
         if rows.kind not in (POSES, POINTS):
             continue
-        R_WS, p_WS = motion.pose_of(places[data.sensors[rows.sensor].name])
+        R_WS, p_WS = motion.pose_of(places[rows.name])
         for m in np.unique(rows.marker).tolist():
             own = rows.marker == m
             pose = rows.pose[own]
@@ -241,7 +303,7 @@ def _described(
     places = {}
     for rows in observations.sensors:
         info = data.sensors[rows.sensor]
-        if info.kind == DISTANCE:
+        if info.kind not in SIGHTS:
             continue
         expected = motion.points(rows.marker, rows.pose)
         sensor = next(s for s in tree.sensors if s.name == info.name)

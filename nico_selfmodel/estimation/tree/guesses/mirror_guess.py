@@ -78,7 +78,7 @@ def _sights(name: str, data: BodyDataset, tree: BodyTree, motion: TreeMotion) ->
     table, parts = data.observations, []
     by_name = {sensor.name: sensor for sensor in tree.sensors}
     for rows in TreeObservations.of(data, table.mirror == name).sensors:
-        camera = by_name[data.sensors[rows.sensor].name]
+        camera = by_name[rows.name]
         R, p = motion.pose_of(camera)
         rays = tree.lenses[camera.name].directions(rows.measured)
         sight = np.einsum("ijn,nj->ni", R[:, :, rows.pose], rays)

@@ -18,7 +18,6 @@ from nico_selfmodel.estimation.tree.known.known_with_errors import (
 )
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration, refit_tree
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
-from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.model.self_model import ParameterCovariance
@@ -125,24 +124,6 @@ def learn_anew(
             "spread over the workspace"
         )
     return _with_errors_of_body(found, _without(model.covariance, found.uncertainty.names))
-
-
-def known_noise(model: BodyModel, seen: TreeObservations) -> TreeNoise | None:
-    """Return the noise of a body's training; None where it does not tell all that is needed.
-
-    Args:
-        model: The body.
-        seen: What it is needed for.
-    """
-    joints = [model.tree.joints[i] for i, _ in seen.noisy_joints]
-    parts = ["" if name in model.noise else " turn" if part < 3 else " place"
-             for name, (_, part) in zip(joints, seen.noisy_joints, strict=True)]  # fmt: skip
-    noisy = [f"{name}{part}" for name, part in zip(joints, parts, strict=True)]
-    if not set(noisy) | set(seen.noise_groups) <= set(model.noise):
-        return None
-    sensor, joint = (np.array([model.noise[n] for n in names]) for names in
-                     (seen.noise_groups, noisy))  # fmt: skip
-    return TreeNoise(sensor, joint)
 
 
 def _with_errors_of_body(found: TreeCalibration, body: ParameterCovariance) -> LearnedAnew:

@@ -11,11 +11,12 @@ from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.results.provenance import package_versions
-from nico_selfmodel.estimation.tree.known.learned_anew import known_noise, learn_anew
+from nico_selfmodel.estimation.tree.known.learned_anew import learn_anew
 from nico_selfmodel.estimation.tree.mirrors.glass_flatness import flatness_of_glasses
 from nico_selfmodel.estimation.tree.mirrors.mirrored_tree import names_of_mirrors, place_mirrors
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import errors_of, told_as
+from nico_selfmodel.estimation.tree.tree_noise import noise_named
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.model.tree.body_model import BodyModel
@@ -71,7 +72,7 @@ def calibrate_body_mirrors(
         parameters.tree_of(values),
         told,
         names,
-        noise=known_noise(model, seen),
+        noise=noise_named(model.noise, seen),
         name=name,
     )
     flat = flatness_of_glasses(learned.problem, learned.solution, learned.learned, learned.may_err)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.diagnosis.flatness import STEADYING, Flatness, flatness_by
+from nico_selfmodel.estimation.tree.forward.sights import sight_of
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
@@ -72,7 +73,7 @@ def _by_free_cameras(residuals: TreeResiduals, values: NDArray, mirror: str) -> 
     out = np.zeros((len(residuals.observations.row), 6 * len(cameras)))
     for rows in seeing:
         c = cameras.index(rows.sensor)
-        sight = residuals.show(tree, motion, residuals.run_of(rows))
+        sight = sight_of(tree, motion, residuals.run_of(rows))
         shift, p_WV = sight.shown.by_point @ sight.R_SW, reflect(plane, sight.p_WM)
         turn = -shift @ skew(p_WV - p_WV.mean(axis=0))
         both = np.concatenate([turn, shift], axis=2)

@@ -1,15 +1,19 @@
 """The best of several first bodies of a recording."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.estimation.tree.boards.surroundings import Surroundings
 from nico_selfmodel.estimation.tree.guesses.first_guess import first_bodies
+from nico_selfmodel.estimation.tree.guesses.lens_guess import FACTORS
+from nico_selfmodel.estimation.tree.guesses.touch_guess import Touches
 from nico_selfmodel.estimation.tree.mirrors.mirrored_tree import seen_directly
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_setup import Description, Wishes
 from nico_selfmodel.estimation.tree.tree_start import TreeStart
+from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import BodyTree
 
 _AGREE = 1e-3
@@ -38,6 +42,7 @@ def searched_start(
     description: Description | None,
     wishes: Wishes,
     seed: int,
+    guessed: Collection[str] = (),
 ) -> FoundStart:
     """Try first bodies until two agree.
 
@@ -47,6 +52,7 @@ def searched_start(
         description: The robot as described, where it is.
         wishes: What the user holds, frees or knows.
         seed: Of what is drawn.
+        guessed: Cameras whose lenses are hardly known.
 
     Raises:
         DataError: If the recording cannot tell a first body, or nothing stands for the world.
@@ -60,11 +66,22 @@ def searched_start(
     def begin(label: str, tree: BodyTree, wishes: Wishes) -> TreeStart:
         return TreeStart.from_body(label, tree, data, observations, description, wishes)
 
-    guessed: Iterable[tuple[str, BodyTree]] = [("boards", around.alone(blank))]
+    bodies: Iterable[tuple[str, BodyTree]] = [("boards", around.alone(blank))]
     if direct is not None:
-        seen = TreeObservations.of(direct)
-        guessed = first_bodies(direct, blank, seen, description, around.cameras, seed)
-    for label, tree in guessed:
+        seen = TreeObservations.of(direct, ~Touches.of(direct).rows)
+        lenses = _lens_tries(blank.lenses, guessed)
+        bodies = chain.from_iterable(
+            first_bodies(
+                direct,
+                replace(blank, lenses=some),
+                seen,
+                description and replace(description, tree=replace(description.tree, lenses=some)),
+                around.cameras,
+                seed,
+            )
+            for some in lenses
+        )
+    for label, tree in bodies:
         tree = around.about(tree)
         start = begin(label, tree, wishes)
         costs.append(start.cost)
@@ -74,6 +91,18 @@ def searched_start(
             break
     assert best is not None
     return FoundStart(*best, tuple(costs), observations.scalars, begin)
+
+
+def _lens_tries(
+    lenses: Mapping[str, Camera], guessed: Collection[str]
+) -> Iterator[dict[str, Camera]]:
+    """Yield lenses with other focal lengths of those that are hardly known."""
+    for factor in FACTORS if guessed else (1.0,):
+        tried = {
+            name: replace(lenses[name], fx=factor * lenses[name].fx, fy=factor * lenses[name].fy)
+            for name in guessed
+        }
+        yield {**lenses, **tried}
 
 
 def agreeing(costs: Sequence[float], scalars: int) -> int:

@@ -1,0 +1,198 @@
+"""What a first body tells of cameras and markers that did not take part in finding it."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.tree.guesses.camera_guess import resected
+from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints
+from nico_selfmodel.estimation.tree.tree_observations import SensorRows
+from nico_selfmodel.geometry.rotation import nearest_rotation
+from nico_selfmodel.geometry.transform import inverse, transform
+from nico_selfmodel.model.tree.body_tree import WORLD, Attached, BodyTree
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
+
+_TOLD = 1e-5
+"""Part of the largest singular value below which a direction is open."""
+_LEAST_SPREAD = 0.02
+"""Root of the smallest part of a sum of squared sines below which rays tell no depth [rad]."""
+
+
+def with_others(
+    data: BodyDataset,
+    tree: BodyTree,
+    cameras: Mapping[str, SensorRows],
+    placed: Collection[str],
+    located: NDArray,
+    seed: int,
+) -> BodyTree:
+    """Return a body with the cameras and markers that it was not found by, one after the other.
+
+    Args:
+        data: The recording.
+        tree: The body.
+        cameras: What those saw that stand somewhere, by name.
+        placed: Cameras that are where they should be.
+        located: Markers that are.
+        seed: Of the draws.
+
+    Raises:
+        DataError: If a camera saw too little of markers that are.
+    """
+    motion = TreeMotion.at(tree, data.si_readings, data.X_flange)
+    rng, there, known = np.random.default_rng((seed, 7)), list(placed), set(located.tolist())
+    while True:
+        found = _where_rays_meet(data, motion, tree, {n: cameras[n] for n in there}, known)
+        tree, known = _with_places(tree, found), known | set(found)
+        left = {name: rows for name, rows in cameras.items() if name not in there}
+        if not left:
+            return tree
+        mine = np.array(sorted(known))
+        name = max(left, key=lambda one: int(np.isin(left[one].marker, mine).sum()))
+        own = np.isin(left[name].marker, mine)
+        pose, marker = left[name].pose[own], left[name].marker[own]
+        motion = TreeMotion.at(tree, data.si_readings, data.X_flange)
+        expected = SeenPoints(pose, marker, motion.points(marker, pose))
+        at = resected(left[name], tree.lenses[name], expected, name, rng)
+        there.append(name)
+        tree = _with_sensor(tree, name, at)
+
+
+def _where_rays_meet(
+    data: BodyDataset,
+    motion: TreeMotion,
+    tree: BodyTree,
+    cameras: Mapping[str, SensorRows],
+    known: set[int],
+) -> dict[int, NDArray]:
+    """Return markers, on their links, that no two cameras need to have seen at once.
+
+    A joint turns them past one camera as well as past two: rays are lines on the marker's link.
+    """
+    sums: dict[int, tuple[NDArray, NDArray]] = {}
+    by_name = {sensor.name: sensor.X_LA for sensor in tree.sensors}
+    for name, rows in cameras.items():
+        own = ~np.isin(rows.marker, list(known))
+        X_WC, marker, pose = by_name[name], rows.marker[own], rows.pose[own]
+        rays = tree.lenses[name].directions(rows.measured[own]) @ X_WC[:3, :3].T
+        told = np.isfinite(rays).all(axis=1)
+        for m in np.unique(marker[told]).tolist():
+            mine, link = told & (marker == m), tree.markers[m].on
+            R = motion.R_WL[link][:, :, pose[mine]].transpose(2, 0, 1)
+            d = np.einsum("nji,nj->ni", R, rays[mine])
+            o = np.einsum("nji,nj->ni", R, X_WC[:3, 3] - motion.p_WL[link][:, pose[mine]].T)
+            # Least squared distances from lines: sum (I - d d') (p - o) = 0.
+            across = np.eye(3) - d[:, :, None] * d[:, None, :]
+            A, b = sums.get(m, (np.zeros((3, 3)), np.zeros(3)))
+            sums[m] = A + across.sum(axis=0), b + np.einsum("nij,nj->i", across, o)
+    return {
+        m: np.linalg.solve(A, b)
+        for m, (A, b) in sums.items()
+        if data.markers[m].xyz is None and np.linalg.eigvalsh(A)[0] > _LEAST_SPREAD**2
+    }
+
+
+def before_tracker(data: BodyDataset, tree: BodyTree, rows: SensorRows) -> BodyTree:
+    """Return a body of unknown size in the frame of a tracker that saw other markers of it.
+
+    Args:
+        data: The recording.
+        tree: The body.
+        rows: What the tracker measured, which stands somewhere.
+
+    Raises:
+        DataError: If the tracker's rows do not tell where it stands.
+    """
+    X_WS, scale, places = _beside(data, tree, rows, sized=False)
+    tree = _with_places(tree.scaled(scale), places)
+    X_SW = inverse(X_WS)
+    root = tree.parent == WORLD
+    X_PJ = np.where(root[:, None, None], X_SW @ tree.X_PJ, tree.X_PJ)
+
+    def moved(items: tuple[Attached, ...]) -> tuple[Attached, ...]:
+        return tuple(
+            replace(item, X_LA=X_SW @ item.X_LA) if item.on == WORLD else item for item in items
+        )
+
+    tree = replace(tree, X_PJ=X_PJ, markers=moved(tree.markers), sensors=moved(tree.sensors))
+    return _with_sensor(tree, rows.name, np.eye(4))
+
+
+def with_tracker(data: BodyDataset, tree: BodyTree, rows: SensorRows) -> BodyTree:
+    """Return a body with one more tracker where it saw markers of it, these placed as well.
+
+    Args:
+        data: The recording.
+        tree: The body.
+        rows: What the tracker measured, which stands somewhere.
+
+    Raises:
+        DataError: If the tracker's rows do not tell where it stands.
+    """
+    X_WS, _, places = _beside(data, tree, rows, sized=True)
+    return _with_sensor(_with_places(tree, places), rows.name, X_WS)
+
+
+def _with_sensor(tree: BodyTree, name: str, X_LA: NDArray) -> BodyTree:
+    moved = (replace(s, X_LA=X_LA) if s.name == name else s for s in tree.sensors)
+    return replace(tree, sensors=tuple(moved))
+
+
+def _with_places(tree: BodyTree, places: Mapping[int, NDArray]) -> BodyTree:
+    markers = list(tree.markers)
+    for m, p in places.items():
+        markers[m] = replace(markers[m], X_LA=transform(markers[m].X_LA[:3, :3], p))
+    return tree.with_markers(tuple(markers))
+
+
+def _beside(
+    data: BodyDataset, tree: BodyTree, rows: SensorRows, *, sized: bool
+) -> tuple[NDArray, float, dict[int, NDArray]]:
+    """Return where a tracker stands that saw markers of unknown place on links that are known.
+
+    R p + t - s o - R_WL m = 0, with o a link's origin, is linear in R, t, s and every m; R is made
+    a rotation afterwards.
+
+    Args:
+        data: The recording.
+        tree: The body.
+        rows: What was measured, p.
+        sized: Whether the body's size is known, s = 1.
+
+    Returns:
+        X_WS, shape (4, 4), s, and m by marker, shape (3,).
+
+    Raises:
+        DataError: If the rows leave any of it open.
+    """
+    motion = TreeMotion.at(tree, data.si_readings, data.X_flange)
+    links = np.array([tree.markers[m].on for m in rows.marker.tolist()])
+    R_WL, o = motion.R_WL[links, :, :, rows.pose], motion.p_WL[links, :, rows.pose]
+    seen = np.unique(rows.marker)
+    N, p = len(rows.rows), rows.measured[:, :3]
+    by_m = np.zeros((N, 3, len(seen), 3))
+    by_m[np.arange(N), :, np.searchsorted(seen, rows.marker)] = -R_WL
+    by_t, by_m = np.tile(np.eye(3), (N, 1)), by_m.reshape(3 * N, -1)
+    by_R = np.einsum("ij,nk->nijk", np.eye(3), p).reshape(3 * N, 9)
+    rest = np.hstack([by_t, by_m, -o.reshape(-1, 1)])
+    _, singular, vt = np.linalg.svd(np.hstack([by_R, rest]), full_matrices=False)
+    if len(singular) < rest.shape[1] + 9 or singular[-2] < _TOLD * singular[0]:
+        raise DataError(
+            f"what {rows.name!r} measured does not tell where it stands to the rest of the body: "
+            "let it see more of it, or markers that cameras see, too"
+        )
+    M = vt[-1, :9].reshape(3, 3)
+    R = nearest_rotation(M * np.sign(np.linalg.det(M) or 1.0))
+    turned = -(p @ R.T).reshape(-1)
+    if sized:
+        found = np.linalg.lstsq(rest[:, :-1], turned + o.reshape(-1), rcond=None)[0]
+        scale = 1.0
+    else:
+        *found, scale = np.linalg.lstsq(rest, turned, rcond=None)[0]
+    found = np.asarray(found)
+    places = found[3:].reshape(-1, 3)
+    return transform(R, found[:3]), float(scale), dict(zip(seen.tolist(), places, strict=True))

@@ -1,0 +1,146 @@
+"""Where what is touched is: planes and distances of contacts, and markers that only touch.
+
+All of it is told by a body that is nearly known, and nothing of it tells a first body.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
+from nico_selfmodel.dataset.body.sensors import CONTACT, DISTANCE, PLANE, SIGHTS
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.tree.tree_parameters import APART
+from nico_selfmodel.estimation.tree.tree_setup import parts_of
+from nico_selfmodel.geometry.plane import Plane
+from nico_selfmodel.geometry.rotation import tangent_basis
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.tree.body_tree import Attached, BodyTree
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
+from nico_selfmodel.names import listed
+
+_TRIMMED = 4.0
+"""Robust standard deviations beyond which a point does not tell where a plane is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Touches:
+    """What of a recording waits until a body is nearly known."""
+
+    data: BodyDataset
+    """The recording."""
+    rows: NDArray
+    """Rows of its table. Boolean, shape (N,)."""
+    markers: NDArray
+    """Markers of unknown place that nothing sees. Shape (K,)."""
+
+    @classmethod
+    def of(cls, data: BodyDataset) -> "Touches":
+        """Find them."""
+        table = data.observations
+        kinds = np.array([sensor.kind for sensor in data.sensors])[table.sensor]
+        seen = set(table.marker[np.isin(kinds, SIGHTS)].tolist())
+        known = {m for m, marker in enumerate(data.markers) if marker.xyz is not None}
+        named = {*table.marker.tolist(), *table.other[table.other >= 0].tolist()}
+        unseen = np.array(sorted(named - seen - known), dtype=int)
+        rows = np.isin(kinds, (CONTACT, PLANE))
+        rows |= np.isin(table.marker, unseen) | np.isin(table.other, unseen)
+        return cls(data, rows, unseen)
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Names of parameters that only they tell."""
+        table = self.data.observations
+        used = np.unique(table.sensor[self.rows]).tolist()
+        out = {f"{s.name}.{p}" for s in map(self.data.sensors.__getitem__, used)
+               if s.kind in (CONTACT, PLANE) for p in parts_of(s)}  # fmt: skip
+        names = [self.data.markers[m].name for m in self.markers.tolist()]
+        return frozenset(out | {f"{name}.{part}" for name in names for part in ("x", "y", "z")})
+
+    def placed(self, tree: BodyTree) -> BodyTree:
+        """Return a body with what is touched where it expects its markers.
+
+        Markers that nothing sees begin in the middle of the others of their link.
+
+        Args:
+            tree: The body.
+
+        Raises:
+            DataError: If what touched a plane does not span one.
+        """
+        markers = list(tree.markers)
+        for m in self.markers.tolist():
+            others = [marker.X_LA[:3, 3] for k, marker in enumerate(tree.markers)
+                      if marker.on == markers[m].on and k not in self.markers]  # fmt: skip
+            if others:
+                middle = np.mean(others, axis=0)
+                markers[m] = replace(markers[m], X_LA=transform(np.eye(3), middle))
+        tree = tree.with_markers(tuple(markers))
+        motion = TreeMotion.at(tree, self.data.si_readings, self.data.X_flange)
+        told = {s.name for s in self.data.sensors if s.X_LS is not None}
+        planes = tuple(
+            plane if plane.name in told else self._plane(motion, plane) for plane in tree.planes
+        )
+        apart = {name: self._apart(motion, name) for name in tree.contacts}
+        return replace(tree, planes=planes, contacts=apart)
+
+    def scale(self, tree: BodyTree, told: Mapping[str, float]) -> float:
+        """Return what makes a placed body as large as distances say that only touches tell.
+
+        Args:
+            tree: The body.
+            told: Values of parameters that the user knows, by name.
+
+        Returns:
+            1 where there are no such distances, or markers that are seen have some.
+        """
+        table = self.data.observations
+        kinds = np.array([sensor.kind for sensor in self.data.sensors])[table.sensor]
+        apart = np.where(kinds == DISTANCE, table.values[:, 0], np.nan)
+        if np.isfinite(apart[~self.rows]).any():
+            return 1.0
+        for name in tree.contacts:
+            apart[self._rows_of(name)] = told.get(f"{name}.{APART}", np.nan)
+        known = np.flatnonzero(np.isfinite(apart))
+        if not len(known):
+            return 1.0
+        motion = TreeMotion.at(tree, self.data.si_readings, self.data.X_flange)
+        return float(np.median(apart[known] / self._lengths(motion, known)))
+
+    def _rows_of(self, name: str) -> NDArray:
+        names = [sensor.name for sensor in self.data.sensors]
+        return np.flatnonzero(self.data.observations.sensor == names.index(name))
+
+    def _lengths(self, motion: TreeMotion, rows: NDArray) -> NDArray:
+        table = self.data.observations
+        pose = np.where(table.pose[rows] == ANY_POSE, 0, table.pose[rows])
+        ends = (motion.points(end[rows], pose) for end in (table.marker, table.other))
+        return np.maximum(np.linalg.norm(np.subtract(*ends), axis=1), 1e-6)
+
+    def _apart(self, motion: TreeMotion, name: str) -> float:
+        rows = self._rows_of(name)
+        return float(np.median(self._lengths(motion, rows))) if len(rows) else 0.0
+
+    def _plane(self, motion: TreeMotion, plane: Attached) -> Attached:
+        table, rows = self.data.observations, self._rows_of(plane.name)
+        if not len(rows):
+            return plane
+        pose = table.pose[rows]
+        R, o = motion.R_WL[plane.on][:, :, pose], motion.p_WL[plane.on][:, pose]
+        p = np.einsum("ijn,in->nj", R, motion.points(table.marker[rows], pose).T - o)
+        try:
+            found = Plane.from_points(p)
+            off = np.abs(found.distance_to(p))
+            near = off <= _TRIMMED * 1.4826 * max(float(np.median(off)), 1e-9)
+            found = Plane.from_points(p[near])
+        except ValueError:
+            touched = listed(sorted({self.data.markers[m].name for m in table.marker[rows]}))
+            raise DataError(
+                f"what touched plane {plane.name!r} ({touched}, {len(rows)} times) lies on a line "
+                "or in a point: touch it in three places or more that span it"
+            ) from None
+        z = found.normal * np.sign(found.normal[np.argmax(np.abs(found.normal))])
+        middle = p[near].mean(axis=0)
+        return replace(plane, X_LA=transform(np.column_stack([tangent_basis(z), z]), middle))
