@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from nico_selfmodel.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from nico_selfmodel.dataset.body.body_folder import load_body_dataset
     from nico_selfmodel.dataset.dataset import Dataset
     from nico_selfmodel.dataset.folder import load_dataset, save_dataset
     from nico_selfmodel.dataset.importers.csv_importer import import_csv
@@ -24,12 +25,15 @@ if TYPE_CHECKING:
     from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
     from nico_selfmodel.estimation.monitoring.health import check_health
     from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, rezero
+    from nico_selfmodel.estimation.tree.body_prediction import predict_body
+    from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+    from nico_selfmodel.estimation.tree.tree_result import body_model
     from nico_selfmodel.model.cameras.mirror import Mirror
     from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
     from nico_selfmodel.model.self_model import SelfModel
     from nico_selfmodel.model.self_model_file import load_model, save_model
     from nico_selfmodel.model.shape.shape_folder import load_shape
-    from nico_selfmodel.model.tree.body_model import load_body
+    from nico_selfmodel.model.tree.body_model import load_body, save_body
     from nico_selfmodel.planning.mirror_view import MirrorView
     from nico_selfmodel.planning.plans import commands_of_angles
     from nico_selfmodel.planning.sweep_protocol import SweepProtocol
@@ -52,23 +56,28 @@ __all__ = [
     "SelfModel",
     "SweepProtocol",
     "VisibleWorkspace",
+    "body_model",
     "calibrate_body",
     "calibrate_cameras",
     "calibrate_kinematics",
     "calibrate_mirrors",
     "calibrate_tool",
+    "calibrate_tree",
     "check_health",
     "commands_of_angles",
     "evaluate",
     "import_csv",
     "judge",
     "load_body",
+    "load_body_dataset",
     "load_dataset",
     "load_model",
     "load_shape",
     "look_at",
+    "predict_body",
     "record",
     "rezero",
+    "save_body",
     "save_dataset",
     "save_model",
     "simulated_session",
@@ -78,6 +87,7 @@ __all__ = [
 __getattr__, __dir__ = lazy_names(
     __name__,
     {
+        "dataset.body.body_folder": ("load_body_dataset",),
         "dataset.dataset": ("Dataset",),
         "dataset.folder": ("load_dataset", "save_dataset"),
         "dataset.importers.csv_importer": ("import_csv",),
@@ -91,12 +101,15 @@ __getattr__, __dir__ = lazy_names(
         "estimation.mirrors.mirror": ("calibrate_mirrors",),
         "estimation.monitoring.health": ("check_health",),
         "estimation.monitoring.tool": ("calibrate_tool", "rezero"),
+        "estimation.tree.body_prediction": ("predict_body",),
+        "estimation.tree.tree_calibration": ("calibrate_tree",),
+        "estimation.tree.tree_result": ("body_model",),
         "model.cameras.mirror": ("Mirror",),
         "model.cameras.mirror_rig": ("MirrorRig",),
         "model.self_model": ("SelfModel",),
         "model.self_model_file": ("load_model", "save_model"),
         "model.shape.shape_folder": ("load_shape",),
-        "model.tree.body_model": ("load_body",),
+        "model.tree.body_model": ("load_body", "save_body"),
         "planning.mirror_view": ("MirrorView",),
         "planning.plans": ("commands_of_angles",),
         "planning.sweep_protocol": ("SweepProtocol",),

@@ -1,5 +1,6 @@
-"""What lies at a path, told to whoever took it for something else."""
+"""What lies at a path, told to whoever took it for something else or trusts what failed."""
 
+import warnings
 from pathlib import Path
 
 _KINDS = (
@@ -10,6 +11,8 @@ _KINDS = (
     ("samples.csv", "a data set of an arm"),
 )
 """A file that tells what a folder is, and what that is; the first one that is there counts."""
+_HEAD = 64
+"""Where a result states its verdict [bytes]: at its beginning."""
 _PICTURES = (".png", ".jpg", ".jpeg")
 
 
@@ -25,3 +28,25 @@ def found_at(path: Path) -> str:
             return f"{path} is {kind} ({name})"
     pictures = any(name.lower().endswith(_PICTURES) for name in names)
     return f"{path} is a folder of {'pictures' if pictures else 'other files'}"
+
+
+def warn_of_failure(model: Path) -> None:
+    """Warn where a model lies in the folder of a result that failed its checks.
+
+    Args:
+        model: The file of the model.
+
+    Warns:
+        UserWarning: If it does.
+    """
+    result = model.parent / "result.json"
+    if not result.is_file():
+        return
+    with result.open("rb") as file:
+        begins = file.read(_HEAD)
+    if b'"status": "FAIL"' in begins:
+        warnings.warn(
+            f"{model.parent} failed its checks, as its result.json says: what its model tells is "
+            "in doubt",
+            stacklevel=3,
+        )

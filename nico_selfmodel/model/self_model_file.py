@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from nico_selfmodel.errors import DataError, ModelError
-from nico_selfmodel.files.folder_contents import found_at
+from nico_selfmodel.files.folder_contents import found_at, warn_of_failure
 from nico_selfmodel.files.reading import LARGEST_DOCUMENT, read_text, real_path
 from nico_selfmodel.files.whole import write_whole
 from nico_selfmodel.files.yaml_text import parse_yaml, yaml_text
@@ -69,6 +69,9 @@ def load_model(path: str | Path) -> SelfModel:
 
     Raises:
         ModelError: If the file is missing, of another format or version, or not valid.
+
+    Warns:
+        UserWarning: If it lies in the folder of a result that failed its checks.
     """
     path = Path(path)
     inside = path / "self_model.yaml"
@@ -78,6 +81,7 @@ def load_model(path: str | Path) -> SelfModel:
             "with self_model.yaml, or that file"
         )
     path = inside if path.is_dir() else path
+    warn_of_failure(path)
     try:
         document = parse_yaml(read_text(path, LARGEST_DOCUMENT), str(path))
     except DataError as error:

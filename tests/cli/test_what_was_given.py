@@ -107,3 +107,17 @@ def test_a_value_that_cannot_be_is_refused_by_its_option(words, said, tmp_path, 
     out = tmp_path / "out"
     assert_one_clear_line(command(*words, "--out", out), said)
     assert not out.exists()
+
+
+def test_a_model_that_failed_its_checks_says_so_wherever_it_is_used(result, tmp_path, command):
+    failed = tmp_path / "failed"
+    failed.mkdir()
+    (failed / "self_model.yaml").write_bytes((result / "self_model.yaml").read_bytes())
+    words = ("predict", failed, "--encoders", "0,0,0,0")
+    assert "in doubt" not in command(*words).stderr
+    text = (result / "result.json").read_text()
+    (failed / "result.json").write_text(text.replace('"status": "PASS"', '"status": "FAIL"'))
+    for given in (failed, failed / "self_model.yaml"):
+        done = command(words[0], given, *words[2:])
+        assert done.returncode == 0
+        assert f"{failed} failed its checks, as its result.json says" in done.stderr

@@ -84,6 +84,15 @@ def test_the_learned_robot_moves_in_a_plant_of_ones_own(learned, run):
 
 
 @pytest.mark.slow
+def test_a_body_of_two_arms_is_learned_in_a_dozen_lines(project_root, folder, run):
+    example = project_root / "examples" / "15_two_arms_two_cameras.py"
+    subprocess.run([sys.executable, str(example), "two_arms"], cwd=folder, check=True)
+    verdict, place = run("two_arms.py")
+    assert verdict.startswith("PASS 0.4")
+    assert place.startswith("left_tag0 at [0.381 0.293 1.443] m, known to 0.")
+
+
+@pytest.mark.slow
 def test_the_directives_of_the_document_are_read(project_root, folder, learned):
     from pydrake.multibody.parsing import Parser
     from pydrake.multibody.plant import MultibodyPlant

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.errors import DataError, ModelError
-from nico_selfmodel.files.folder_contents import found_at
+from nico_selfmodel.files.folder_contents import found_at, warn_of_failure
 from nico_selfmodel.files.reading import LARGEST_BODY, read_text
 from nico_selfmodel.files.whole import write_whole
 from nico_selfmodel.files.yaml_text import parse_yaml, yaml_text
@@ -133,6 +133,9 @@ def load_body(path: str | Path) -> BodyModel:
 
     Raises:
         ModelError: If the file is missing, of another format, or not valid.
+
+    Warns:
+        UserWarning: If it lies in the folder of a result that failed its checks.
     """
     path = Path(path)
     inside = path / BODY_FILE
@@ -141,6 +144,7 @@ def load_body(path: str | Path) -> BodyModel:
             f"{found_at(path)}; a body is a result folder with {BODY_FILE}, or that file"
         )
     path = inside if path.is_dir() else path
+    warn_of_failure(path)
     try:
         document = parse_yaml(read_text(path, LARGEST_BODY), str(path))
     except DataError as error:
