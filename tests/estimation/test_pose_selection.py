@@ -134,7 +134,7 @@ def test_what_makes_no_sense_is_refused(pool):
     J = position_jacobians(*pool)
     with pytest.raises(ValueError, match="1 to 400"):
         choose_poses(J, 401)
-    with pytest.raises(ValueError, match="one of I, D"):
+    with pytest.raises(ValueError, match="there are I, D"):
         choose_poses(J, 10, criterion="E")
     with pytest.raises(ValueError, match="shape"):
         choose_poses(J[0], 2)
