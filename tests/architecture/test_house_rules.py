@@ -11,6 +11,13 @@ LONGEST_FILE = 400
 LONGEST_FUNCTION = 60  # with its docstring
 ROOMS_FOR_ANYTHING = {"base", "common", "core", "helper", "helpers", "manager", "util", "utils"}
 
+PICTURES = {".jpg", ".png"}
+CALLED_FROM_OUTSIDE = {
+    *("clearPort", "writePort", "readPort", "getBaudRate"),  # by the SDKs of servos, of a port
+    *("_update_ticks", "get_majorticklabels"),  # by matplotlib, of an axis
+    "is_closed",  # by users, of a station
+}
+
 # A path that only one machine has, or the address of a package registry.
 MACHINE_PATH = re.compile(r"(?<![\w.$}~])/(?:home|root|Users|work|tmp/env)/\w")
 REGISTRY_HOST = re.compile(
@@ -82,6 +89,39 @@ def test_everything_public_is_documented(sources):
         if not ast.get_docstring(node)
     ]
     assert undocumented == []
+
+
+def test_everything_that_is_defined_is_used_in_the_house_or_shown_in_a_document(
+    sources, project_root
+):
+    """What only tests reach is dead, but for what simulations are asked and told by tests."""
+    shown = [*project_root.glob("docs/*.*"), *project_root.glob("examples/*.py")]
+    shown += [project_root / "README.md", *project_root.glob("nico_selfmodel/**/*.j2")]
+    texts = [path.read_text(encoding="utf-8") for path in shown if path.suffix not in PICTURES]
+    texts += [source.text for source in sources]
+    words = Counter(re.findall(r"\w+", "\n".join(texts)))
+    built = [source for source in sources if "simulated" not in source.path.parts]
+    nodes = [
+        (source.path, node)
+        for source in built
+        for node in ast.walk(source.tree)
+        if isinstance(node, ast.FunctionDef | ast.ClassDef)
+    ]
+    classes = {node.name for _, node in nodes if isinstance(node, ast.ClassDef)}
+    called = {
+        method.name  # by the library whose class it completes
+        for _, node in nodes
+        if isinstance(node, ast.ClassDef) and {ast.unparse(base) for base in node.bases} - classes
+        for method in node.body
+        if isinstance(method, ast.FunctionDef)
+    }
+    alone = {
+        f"{path}: {node.name}"
+        for path, node in nodes
+        if words[node.name] < 2 and not node.name.startswith("__")
+        if node.name not in called | CALLED_FROM_OUTSIDE
+    }
+    assert alone == set()
 
 
 def test_annotations_are_not_postponed(sources):

@@ -251,3 +251,17 @@ def test_boards_whose_sights_meet_nowhere_are_left_out():
     assert BoardCheck.from_rigs(rig, other, flat, held_out=True) is None
     (reason,) = BoardCheck.from_rigs(other, rig, flat, held_out=True).reasons
     assert "no ray or no place" in reason
+
+
+@pytest.mark.parametrize(
+    ("longer", "said"), [(1.04, None), (1.06, "6 % too large"), (0.94, "6 % too small")]
+)
+def test_cameras_that_hardly_photographed_the_boards_are_doubted(longer, said):
+    """A baseline that is longer makes everything that is rebuilt larger, as a wrong square does."""
+    other = replace(
+        RIG.right, X_WC=transform(RIG.right.X_WC[:3, :3], longer * RIG.right.X_WC[:3, 3])
+    )
+    views = pictures(boards(4, 7))
+    doubt = BoardCheck.from_rigs(StereoRig(RIG.left, other), RIG, views, held_out=True).doubt
+    assert (doubt is None) == (said is None)
+    assert said is None or f"rebuild 4 held-out boards {said}" in doubt

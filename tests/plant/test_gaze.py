@@ -75,7 +75,7 @@ def test_only_the_head_turns_and_the_hand_is_looked_at_where_the_arm_has_it():
     names = list(nico.body.joints)
     q[names.index("left_shoulder_pitch")], q[names.index("left_elbow")] = -0.8, -0.9
     now = nico.mechanics.servos.to_encoder(q)
-    found = solver.at_marker(now, "left_hand_fiducial")
+    found = solver.at_point(now, solver.place_of(now, "left_hand_fiducial"))
     arms = [i for i, name in enumerate(names) if name not in HEAD_JOINTS]
     assert np.array_equal(found.readings[arms], now[arms])
     assert found.off_px - found.misaligned_px <= WITHIN_PX
@@ -117,7 +117,7 @@ def test_bodies_that_cannot_look_say_so():
         GazeSolver(model, ["third"])
     nose = tree.with_markers((*tree.markers, Attached("nose", 3)))
     with pytest.raises(ModelError, match="'nose' moves with neck_yaw"):
-        GazeSolver(replace(model, tree=nose)).at_marker(resting(model), "nose")
+        GazeSolver(replace(model, tree=nose)).place_of(resting(model), "nose")
     with pytest.raises(ValueError, match="3 finite coordinates"):
         GazeSolver(model).at_point(resting(model), [0.0, np.nan, 0.0])
     with pytest.raises(ValueError, match=r"shape \(18,\)"):

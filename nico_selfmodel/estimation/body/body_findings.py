@@ -72,6 +72,8 @@ def _warnings(calibration: BodyCalibration) -> tuple[str, ...]:
         words.append(
             "no board was held out: the check of the cameras used boards they learned from"
         )
+    if calibration.boards is not None and calibration.boards.doubt is not None:
+        words.append(calibration.boards.doubt)
     if calibration.start.bending is not None:
         words.append(
             f"what bends in the arm of {calibration.start.name!r} is not kept: a body of an arm "

@@ -15,6 +15,8 @@ _WORSE_EDGES = 1.1
 """Ratio of the edges' SD beyond which, in most boards, they count as worse."""
 _WORSE_SCALE = 2e-3
 """Error of the scale by which it must grow to count as worse."""
+_FOREIGN = 0.05
+"""Error of the scale before, beyond which these cameras hardly photographed the boards."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,18 @@ class BoardCheck:
                 "or no place",
             )
         return tuple(r for r in (self._edge_reason(), self._scale_reason()) if r)
+
+    @property
+    def doubt(self) -> str | None:
+        """Whether the cameras before, or the squares, are others than those of the photographs."""
+        off = float(self.before.scale.mean()) - 1.0
+        if abs(off) <= _FOREIGN:
+            return None
+        return (
+            f"the cameras that it began from rebuild {self._boards()} {100 * abs(off):.0f} % too "
+            f"{'large' if off > 0.0 else 'small'}: see that they photographed these boards, and "
+            "that the side of a square is right"
+        )
 
     def _edge_reason(self) -> str | None:
         assert self.after is not None

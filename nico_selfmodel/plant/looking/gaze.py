@@ -144,20 +144,6 @@ class GazeSolver:
             )
         return best
 
-    def at_marker(self, readings: ArrayLike, marker: str) -> Gaze:
-        """Look at a marker of the body itself, its hand.
-
-        Args:
-            readings: Of all joints in their own units; nan where one has no encoder. Shape (n,).
-            marker: Its name.
-
-        Raises:
-            ModelError: If it is out of reach, or on a link that the same joints turn.
-            ValueError: If there is no such marker, or a number is not finite.
-        """
-        now = self._checked(readings)
-        return self.at_point(now, self.place_of(now, marker))
-
     def place_of(self, readings: ArrayLike, marker: str) -> NDArray:
         """Return where a marker of the body is expected, if the head does not carry it.
 
