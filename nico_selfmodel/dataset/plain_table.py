@@ -5,7 +5,6 @@ wrong.
 """
 
 import csv
-import math
 import re
 from collections.abc import Sequence
 
@@ -52,7 +51,8 @@ def plain_numbers(cells: Sequence[str]) -> NDArray | None:
         Shape (N,), what `parse_number` makes of each; None where one of them needs a second look.
     """
     try:
-        values = np.array([float(cell) if cell else math.nan for cell in cells])
+        filled = cells if all(cells) else [cell or "nan" for cell in cells]
+        values = np.array(filled, dtype=np.float64)
     except ValueError:
         return None
     if any(cells[row] for row in np.flatnonzero(~(np.abs(values) <= LARGEST)).tolist()):

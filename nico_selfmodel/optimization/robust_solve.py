@@ -77,6 +77,21 @@ def solve_robustly(
     return RobustSolution(solution, attempt.beyond(solution.x, scale), scale, attempt.iterations)
 
 
+def solve_without(program: CalibrationProgram, block: int, outliers: NDArray) -> RobustSolution:
+    """Least squares over all observations of a block but known outliers.
+
+    Args:
+        program: The program; its start moves to the solution.
+        block: Number of the residual block.
+        outliers: Boolean, shape (N,).
+    """
+    attempt = _Attempt(program, block, "lm", OUTLIER_AT)
+    solution = attempt.least_squares(outliers)
+    residuals = program.residuals(block, solution.x)[:, ~outliers]
+    scale = float(np.sqrt(np.mean(residuals**2)))
+    return RobustSolution(solution, outliers, scale, attempt.iterations)
+
+
 class _Attempt:
     """A robust solution under way: one block of one program, and the iterations so far."""
 
@@ -125,9 +140,7 @@ class _Attempt:
 
     def without(self, outliers: NDArray) -> tuple[ProgramSolution, float, NDArray]:
         """Return the least squares solution without outliers, its scale, and who they are then."""
-        keep = (~outliers).astype(float) if outliers.any() else None
-        self.program.set_loss(self.block, Loss(), keep)
-        solution = self.solve(rough=False)
+        solution = self.least_squares(outliers)
         scale = self.scale_at(solution.x, ~outliers)
         spreads = self.program.prediction_covariances(self.block, solution.x)
         if spreads is None:
@@ -138,6 +151,12 @@ class _Attempt:
         norms = np.linalg.norm(residuals, axis=1)
         norms[outliers] = whitened_norms(residuals[outliers], spreads[outliers])
         return solution, scale, norms > self.limit(scale)
+
+    def least_squares(self, outliers: NDArray) -> ProgramSolution:
+        """Return the least squares solution without outliers."""
+        keep = (~outliers).astype(float) if outliers.any() else None
+        self.program.set_loss(self.block, Loss(), keep)
+        return self.solve(rough=False)
 
     def scale_at(self, x: NDArray, inliers: NDArray | None = None) -> float:
         """Return the robust scale of a coordinate at x, of the inliers alone."""

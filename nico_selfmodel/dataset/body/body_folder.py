@@ -22,6 +22,7 @@ from nico_selfmodel.dataset.body.plausible_body import check_plausible_body
 from nico_selfmodel.dataset.body.sensors import SENSOR_COLUMNS, MarkerInfo, SensorInfo
 from nico_selfmodel.dataset.columns import APPROACH, ENCODER
 from nico_selfmodel.dataset.csv_table import CsvTable
+from nico_selfmodel.dataset.plain_table import plain_integers
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.csv_cells import number_cells, table_text, text_cells
 from nico_selfmodel.files.folder_contents import found_at
@@ -266,6 +267,12 @@ def _refuse_copies(table: CsvTable, found: ObservationTable) -> None:
 
 
 def _samples_of(table: CsvTable, sample: NDArray) -> NDArray:
+    given = plain_integers(table.cells("sample"))
+    if given is not None:
+        order = np.argsort(sample, kind="stable")
+        found = order[np.minimum(np.searchsorted(sample, given, sorter=order), len(sample) - 1)]
+        if (sample[found] == given).all():
+            return found.astype(np.int64)
     cells = table.texts("sample").tolist()
     index = {str(number): k for k, number in enumerate(sample.tolist())} | {"": ANY_POSE}
     found = list(map(index.get, cells))

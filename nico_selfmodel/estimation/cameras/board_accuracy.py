@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation.cameras.camera_adjustment import Adjustment, CameraCalibration
-from nico_selfmodel.estimation.cameras.camera_calibration import FEWEST_VIEWS, calibrate_cameras
+from nico_selfmodel.estimation.cameras.camera_calibration import FEWEST_VIEWS, cameras_of_fewer
 from nico_selfmodel.estimation.cameras.camera_initialization import pose_of_seen_boards
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.cameras.rig_start import rig_links
@@ -76,7 +76,9 @@ class Reconstruction:
         return cls(whole.names, p, errors, np.array(scale), edges, square)
 
 
-def held_out_residuals(cameras: tuple[Camera, ...], views: BoardViews) -> NDArray:
+def held_out_residuals(
+    cameras: tuple[Camera, ...], views: BoardViews, near: NDArray | None = None
+) -> NDArray:
     """Return what boards that were not learned from leave unexplained.
 
     Only the pose of each board is fitted, the cameras stay.
@@ -84,6 +86,7 @@ def held_out_residuals(cameras: tuple[Camera, ...], views: BoardViews) -> NDArra
     Args:
         cameras: The calibrated cameras, the first one at the world.
         views: Other views, of the same cameras.
+        near: Poses of the boards to begin with; found anew if omitted. Shape (V, 4, 4).
 
     Returns:
         Measured minus predicted pixels, nan where not seen. Shape (V, P, 2 C).
@@ -93,7 +96,7 @@ def held_out_residuals(cameras: tuple[Camera, ...], views: BoardViews) -> NDArra
     """
     lenses = {name: camera.lens for name, camera in zip(views.cameras, cameras, strict=True)}
     options = CameraOptions(tangential=True, freed=frozenset(["skew"]), loss="none", lens=lenses)
-    start = pose_of_seen_boards(cameras, views)
+    start = pose_of_seen_boards(cameras, views) if near is None else near
     adjustment = Adjustment(views, cameras, start, options)
     for name in adjustment.block.shared_names:
         adjustment.program.fix(name)
@@ -106,7 +109,7 @@ def cross_validate_cameras(
 ) -> NDArray:
     """Calibrate five times without a fifth of the boards, and return what these leave.
 
-    Each begins at the cameras that all boards told, which are near.
+    Each begins at the cameras that all boards told, which are near: `cameras_of_fewer`.
 
     Args:
         calibration: Of all views.
@@ -122,10 +125,10 @@ def cross_validate_cameras(
     fold = _folds(kept)
     if not fold.size or not all(_suffices(kept.select(rest)) for rest, _ in splits(fold)):
         return np.zeros((0, len(views.p_GQ), 2 * len(views.cameras)))
-    found = np.full(kept.pixels.shape, np.nan)
+    found, X_LG = np.full(kept.pixels.shape, np.nan), calibration.X_LG[inliers]
     for rest, left in splits(fold):
-        cameras = calibrate_cameras(kept.select(rest), options, calibration).cameras
-        found[left] = held_out_residuals(cameras, kept.select(left))
+        cameras = cameras_of_fewer(calibration, kept.select(rest), options)
+        found[left] = held_out_residuals(cameras, kept.select(left), X_LG[left])
     return found
 
 

@@ -18,7 +18,11 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 from nico_selfmodel.optimization.losses import Loss
-from nico_selfmodel.optimization.robust_solve import RobustSolution, solve_robustly
+from nico_selfmodel.optimization.robust_solve import (
+    RobustSolution,
+    solve_robustly,
+    solve_without,
+)
 from nico_selfmodel.optimization.separable_block import Parts
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
@@ -179,17 +183,21 @@ class Adjustment:
             solve_robustly(self.program, self.number, "cauchy", rough=True)
             self.program.set_loss(self.number, Loss())
 
-    def solve(self, loss: str) -> None:
+    def solve(self, loss: str, outliers: NDArray | None = None) -> None:
         """Least squares; where a board stands out and the loss allows, once more without it.
 
         What priors weigh against the corners depends on how sharp these are, which the start tells,
         or the solution where the start was too far off.
+
+        Args:
+            loss: One of `optimization.robust_solve.ROBUST_METHODS`.
+            outliers: Views that are known to be, where they are not to be looked for. Shape (V,).
         """
         self._set_priors()
         if self.program.priors:
             self.block.sigma = self._sharpness(self.x, np.ones(len(self.views), dtype=bool))
         for _ in range(_ROUNDS):
-            self.solution = self._solved(loss)
+            self.solution = self._solved(loss, outliers)
             if not self.program.priors:
                 return
             before, outliers = self.block.sigma, self.solution.outliers
@@ -205,8 +213,10 @@ class Adjustment:
             if name not in self.held:
                 self.program.add_prior(name, mean, sigma)
 
-    def _solved(self, loss: str) -> RobustSolution:
+    def _solved(self, loss: str, outliers: NDArray | None) -> RobustSolution:
         """Return one solution with corners as sharp as they are thought to be."""
+        if outliers is not None:
+            return solve_without(self.program, self.number, outliers)
         start = self.x
         found = solve_robustly(self.program, self.number, "none")
         if loss != "none" and (loss != "trimmed" or self._suspicious(found.solution.x)):

@@ -96,7 +96,7 @@ class CameraAssessment:
             test,
             None if test is None else held_out_residuals(calibration.cameras, test),
             pairs_of(calibration, shown),
-            tuple(lens_misfits(calibration, options.aspect)),
+            lens_misfits(calibration, options.aspect),
             tuple(
                 ProjectionUncertainty.of(calibration, camera, options.aspect)
                 for camera in calibration.views.cameras

@@ -64,7 +64,7 @@ def calibrate_cameras(
     views = views.placeable()
     _check_names(views, options)
     if near is not None:
-        X_LG = near.X_LG[[near.views.names.index(name) for name in views.names]]
+        X_LG = near.X_LG[_rows_in(near, views)]
         adjustment = Adjustment(views, near.cameras, X_LG, options)
         adjustment.solve(options.loss)
         return adjustment.result(time.perf_counter() - began)
@@ -95,6 +95,32 @@ def calibrate_cameras(
     for link, rms in leaves.items():
         check_pair(result, link, rms)
     return result
+
+
+def cameras_of_fewer(
+    calibration: CameraCalibration, views: BoardViews, options: CameraOptions
+) -> tuple[Camera, ...]:
+    """Return the cameras that a part of the views tells, near those that all told.
+
+    Of the losses that trim nothing or boards, the boards that all told to be outliers are.
+
+    Args:
+        calibration: Of all views.
+        views: Some of them.
+        options: As it was made.
+
+    Raises:
+        NotConvergedError: If a camera that cannot be comes out.
+    """
+    rows = _rows_in(calibration, views)
+    adjustment = Adjustment(views, calibration.cameras, calibration.X_LG[rows], options)
+    known = calibration.outliers[rows] if options.loss in ("none", "trimmed") else None
+    adjustment.solve(options.loss, known)
+    return adjustment.cameras
+
+
+def _rows_in(calibration: CameraCalibration, views: BoardViews) -> list[int]:
+    return [calibration.views.names.index(name) for name in views.names]
 
 
 def _check_names(views: BoardViews, options: CameraOptions) -> None:

@@ -107,18 +107,27 @@ def lens_of(views: BoardViews, options: CameraOptions) -> LensChoice:
     decentred = _decentred(views, options, choice)
     if not decentred:
         return choice
-    freed = _best_of(views, replace(options, tangential=True))
+    near = choice.calibration if choice.lens == POLYNOMIAL else None
+    freed = _best_of(views, replace(options, tangential=True), near)
     before, after = (_found(views, one.options, one.calibration) for one in (choice, freed))
     if after is not None and (before is None or before.worse_than(after)):
         return replace(freed, decentred=decentred, left_out=after.residuals)
     return choice if before is None else replace(choice, left_out=before.residuals)
 
 
-def _best_of(views: BoardViews, options: CameraOptions) -> LensChoice:
-    """Return the lens that boards tell, p1 and p2 free or held as the options say."""
+def _best_of(
+    views: BoardViews, options: CameraOptions, near: CameraCalibration | None = None
+) -> LensChoice:
+    """Return the lens that boards tell, p1 and p2 free or held as the options say.
+
+    Args:
+        views: Corners.
+        options: What is held and free.
+        near: Cameras of the polynomial to begin with; found anew if omitted.
+    """
     plain = replace(options, lens=POLYNOMIAL)
     try:
-        found = calibrate_cameras(views, plain)
+        found = calibrate_cameras(views, plain, near)
         if not _asks_for_others(found, plain):
             return LensChoice(plain, found)
     except (EstimationError, ModelError) as error:
@@ -180,7 +189,7 @@ def _trial(lens: str, found: "_Found", reason: str) -> LensTrial:
     return LensTrial(lens, float(np.exp(found.mean)), reason)
 
 
-def _misfits(found: CameraCalibration, options: CameraOptions) -> list[LensMisfit]:
+def _misfits(found: CameraCalibration, options: CameraOptions) -> tuple[LensMisfit, ...]:
     return lens_misfits(found, options.aspect)
 
 

@@ -12,6 +12,7 @@ direction.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,8 +55,11 @@ class LensMisfit:
         return self.decentred >= _CERTAIN
 
 
-def lens_misfits(calibration: CameraCalibration, aspect: float | None = None) -> list[LensMisfit]:
-    """Test the lens of each camera.
+@lru_cache(maxsize=4)
+def lens_misfits(
+    calibration: CameraCalibration, aspect: float | None = None
+) -> tuple[LensMisfit, ...]:
+    """Test the lens of each camera; of the last few that were tested it is known.
 
     Args:
         calibration: What was learned.
@@ -97,7 +101,7 @@ def lens_misfits(calibration: CameraCalibration, aspect: float | None = None) ->
         held = next((names for names, one in would.items() if one > 0.5 * explained), ())
         aside = _score(would.get((f"{camera}.p1", f"{camera}.p2"), 0.0), total, n, 2)
         found.append(_misfit(camera, explained, total, n, k, held, aside))
-    return found
+    return tuple(found)
 
 
 def _score(explained: float, total: float, n: int, k: int) -> float:

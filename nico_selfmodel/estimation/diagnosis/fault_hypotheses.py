@@ -128,9 +128,9 @@ def causes_of_misfit(
     for suspicion in _suspicions(observations, gear_pinned, held, worth):
         mended, pinned = few_rows(suspicion.observations, 0), suspicion.gear_pinned
         at = mended.angles[np.argmin(np.abs(mended.angles - zero).sum(axis=1))]
-        rng, at_once = np.random.default_rng(0), min(suspicion.starts, _AT_ONCE)
+        limits = {"at_once": min(suspicion.starts, _AT_ONCE), "worst": worst}
         fewer = few_rows(mended, 0, _START_ROWS)
-        drawn = random_starts(fewer, pinned & gear_known, at, rng, at_once=at_once)
+        drawn = random_starts(fewer, pinned & gear_known, at, np.random.default_rng(0), **limits)
         reached = 0
         if left <= 0:
             return Causes(stopped_after=_MOST_STARTS)

@@ -25,6 +25,8 @@ _ROUNDS = 3
 _SINGULAR = 1e-13
 """Share of the largest eigenvalue of the normal equations below which what is linear is not
 determined."""
+_HOPELESS = 1.5
+"""What outliers add to the scale of a first round at most, where they are few."""
 _ITERATIONS, _TOLERANCE = 25, 1e-4
 """Of each round; the whole problem is refined from where it ends."""
 
@@ -38,6 +40,7 @@ def random_starts(
     directions: NDArray | None = None,
     gear: NDArray | None = None,
     at_once: int = 4,
+    worst: float = np.inf,
 ) -> Iterator[ArmEstimate]:
     """Yield arms, each the local optimum of one random start; endless.
 
@@ -49,7 +52,8 @@ def random_starts(
         directions: Directions to stay near, nan where unknown: every second start stays within
             about 25 deg of them, the others ignore them. Shape (n, 3).
         gear: Gears that go with them, nan where unknown. Shape (n,).
-        at_once: How many are worked out together, which takes a third of the time of one by one.
+        at_once: How many are worked out together, which takes half of the time of one by one.
+        worst: Standard deviation of an inlier coordinate above which an arm is of no use [m].
 
     Yields:
         Arms with all lines, gears and hand points.
@@ -68,7 +72,8 @@ def random_starts(
                 gears[k] = np.where(np.isfinite(gear), gear, gears[k])
         starts = drawn / np.linalg.norm(drawn, axis=2, keepdims=True)
         chosen = np.where(gear_known, 1.0, gears)
-        yield from project_variables(observations, starts, chosen, gear_known, zero)
+        known = (gear_known, zero)
+        yield from project_variables(observations, starts, chosen, *known, worst=worst)
 
 
 def project_variables(
@@ -79,6 +84,7 @@ def project_variables(
     zero: NDArray,
     *,
     rounds: int = _ROUNDS,
+    worst: float = np.inf,
 ) -> list[ArmEstimate]:
     """Refine directions and unknown gears of S starts, with everything linear eliminated.
 
@@ -89,6 +95,8 @@ def project_variables(
         gear_known: Joints whose gear stays. Shape (n,).
         zero: Encoder angles of the zero configuration [rad]. Shape (n,).
         rounds: Rounds of reweighting; after the first, large residuals lose their weight.
+        worst: Standard deviation of an inlier coordinate above which an arm is of no use [m]: what
+            leaves far more after a round is left as it is.
 
     Returns:
         The arms at the local optima.
@@ -105,6 +113,7 @@ def project_variables(
         norms = np.linalg.norm(problem.linear(*found, weights[moving]).residuals, axis=1)
         scale = np.array([robust_scale(one, 3) for one in norms])
         changed = ~(np.abs(before[moving] - scale) < 0.02 * before[moving])
+        changed &= scale <= _HOPELESS * worst
         moving, norms, scale = moving[changed], norms[changed], scale[changed]
         before[moving] = scale
         for k, size, squared in zip(moving, scale, norms**2, strict=True):

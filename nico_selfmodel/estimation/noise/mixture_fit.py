@@ -29,7 +29,7 @@ _PRIOR_TAIL, _PRIOR = 3.0, 20.0
 """So many poses are counted in, so many of them of the tail: few poses show no tail."""
 _PRIOR_FALSE = 0.5
 """So many of one pose more are counted in as false: none seen does not say that there are none."""
-_STARTS, _FIRST = (3.0, 10.0, 30.0), 30
+_STARTS, _FIRST = (3.0, 10.0, 30.0), 15
 """How much wider the tail is taken to be at first, and rounds by which these starts are compared.
 """
 _ROUNDS, _TOLERANCE = 300, 1e-4

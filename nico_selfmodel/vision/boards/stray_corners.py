@@ -115,7 +115,8 @@ class BoardBehindLens:
         bends = next(k for least, k in _BENDS if len(self._board) >= least)
         self.count = 8 + bends
         start = np.append(start, [_FIRST_FIELD, 0.0, 0.0][:bends])
-        self._x = levenberg_marquardt(self._normal_equations, start, max_iterations=30).x
+        limits = {"max_iterations": 30, "tolerance": 1e-4}  # it is held against many sigmas
+        self._x = levenberg_marquardt(self._normal_equations, start, **limits).x
 
     def pixels_of(self, board: NDArray) -> NDArray:
         """Return where other points of the board are [px]. Shape (n, 2) -> (n, 2)."""

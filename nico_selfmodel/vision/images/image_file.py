@@ -118,8 +118,20 @@ def write_image(path: str | Path, image: NDArray) -> None:
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(f"{path}: an image is written as {', '.join(SUFFIXES)}")
-    _, content = cv2.imencode(path.suffix.lower(), image)
-    write_bytes_whole(path, content.tobytes())
+    write_bytes_whole(path, encoded(image, path.suffix.lower()))
+
+
+def encoded(image: NDArray, suffix: str, quality: int | None = None) -> bytes:
+    """Return an image as the content of a file.
+
+    Args:
+        image: Grey, BGR or, of a PNG, BGR and opacity; 8 bits.
+        suffix: One of `SUFFIXES`.
+        quality: Of a JPEG, 0 to 100, or how hard a PNG is packed, 0 to 9; OpenCV's own if omitted.
+    """
+    kind = cv2.IMWRITE_PNG_COMPRESSION if suffix == ".png" else cv2.IMWRITE_JPEG_QUALITY
+    options = [] if quality is None else [kind, quality]
+    return cv2.imencode(suffix, image, options)[1].tobytes()
 
 
 def image_files(folder: str | Path) -> list[Path]:

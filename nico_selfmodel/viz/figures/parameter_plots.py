@@ -1,5 +1,7 @@
 """Figures of the estimate: how well each parameter is known, correlations, convergence."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
@@ -9,8 +11,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
-from nico_selfmodel.estimation.initialization.start_search import StartSearch
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.layout.plain_axis import PlainAxes
@@ -25,6 +25,10 @@ from nico_selfmodel.viz.figures.plot_style import (
     style,
 )
 
+if TYPE_CHECKING:
+    from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
+    from nico_selfmodel.estimation.initialization.start_search import StartSearch
+
 _SHOWN = {"m": ("mm", 1e3), "rad": ("deg", 180.0 / np.pi), "1": ("%", 100.0)}
 """Unit of a parameter -> unit and factor that people read."""
 _MOST_SHOWN = 40
@@ -33,7 +37,7 @@ _DIVERGING = "RdBu_r"
 _HEADING = {"m": "lengths", "rad": "angles", "1": "gears"}
 
 
-def parameter_sigmas(calibration: KinematicCalibration) -> Figure | None:
+def parameter_sigmas(calibration: "KinematicCalibration") -> Figure | None:
     """Draw the standard deviation of every free parameter of the geometry; None without any.
 
     What bends has numbers by the dozen that are next to nothing, and a section of its own.
@@ -60,7 +64,7 @@ def parameter_sigmas(calibration: KinematicCalibration) -> Figure | None:
 
 def _sigma_panel(
     axes: Axes,
-    calibration: KinematicCalibration,
+    calibration: "KinematicCalibration",
     uncertainty: Uncertainty,
     unit: str,
     names: list[str],
@@ -168,7 +172,7 @@ def _shades(correlation: NDArray) -> NDArray:
     return np.asarray(shades)
 
 
-def convergence(calibration: KinematicCalibration) -> Figure | None:
+def convergence(calibration: "KinematicCalibration") -> Figure | None:
     """Draw how the last solution converged and how the starts fared; None without refinement."""
     search, history = calibration.search, np.array(calibration.history)
     if search is None or not len(history):
@@ -191,7 +195,7 @@ def convergence(calibration: KinematicCalibration) -> Figure | None:
     return figure
 
 
-def _starts_panel(axes: Axes, search: StartSearch) -> None:
+def _starts_panel(axes: Axes, search: "StartSearch") -> None:
     """Draw the cost of every start's minimum over that of the best."""
     scores = np.asarray(search.scores, dtype=float)
     ratio = scores / (float(scores.min()) or 1.0)
@@ -218,12 +222,12 @@ def _starts_panel(axes: Axes, search: StartSearch) -> None:
     axes.legend(ncols=2, handletextpad=0.1, **above)
 
 
-def _units(calibration: KinematicCalibration) -> dict[str, str]:
+def _units(calibration: "KinematicCalibration") -> dict[str, str]:
     parameters = calibration.model.parameters
     return dict(zip(parameters.names, parameters.units, strict=True))
 
 
-def _color_of(name: str, calibration: KinematicCalibration) -> str:
+def _color_of(name: str, calibration: "KinematicCalibration") -> str:
     joint = name.rpartition(".")[0]
     joints = calibration.model.joints
     return palette.joint_color(joints.index(joint)) if joint in joints else palette.TRAINING

@@ -1,16 +1,16 @@
 """Photographs as small files that a page or a scene can hold."""
 
-import io
 from collections.abc import Mapping
 
 import numpy as np
-from matplotlib.image import imsave
 from numpy.typing import ArrayLike, NDArray
+
+from nico_selfmodel.vision.images.image_file import encoded
 
 Photographs = Mapping[str, Mapping[str, NDArray]]
 """Camera -> view -> red, green and blue, or grey; 8 bits. Shape (h, w, 3) or (h, w)."""
 
-_QUALITY, _OUTSIDE = 82, 215
+_QUALITY, _PACKED, _OUTSIDE = 82, 6, 215
 
 
 def photograph_of(
@@ -85,9 +85,12 @@ def shrunk(image: NDArray, width: int) -> NDArray:
 
 def jpeg(image: NDArray) -> bytes:
     """Return an image as a JPEG file. Shape (h, w, 3), red, green, blue, 8 bits."""
-    buffer = io.BytesIO()
-    imsave(buffer, np.ascontiguousarray(image), format="jpeg", pil_kwargs={"quality": _QUALITY})
-    return buffer.getvalue()
+    return encoded(np.ascontiguousarray(image[:, :, ::-1]), ".jpg", _QUALITY)
+
+
+def png(image: NDArray) -> bytes:
+    """Return an image as a PNG file. Shape (h, w, 4), red, green, blue, opacity, 8 bits."""
+    return encoded(np.ascontiguousarray(image[:, :, [2, 1, 0, 3]]), ".png", _PACKED)
 
 
 def resampled(image: NDArray, pixels: NDArray) -> NDArray:

@@ -21,6 +21,9 @@ FULL_WIDTH, HALF_WIDTH = 11.0, 4.9
 MANY = 250
 """More points than this are drawn as pixels even in an SVG."""
 
+FONT = "DejaVu Sans"
+"""Comes with matplotlib."""
+
 _STYLE: dict[str, Any] = {
     "axes.axisbelow": True,
     "axes.edgecolor": palette.MUTED,
@@ -37,7 +40,7 @@ _STYLE: dict[str, Any] = {
     "axes.titley": 1.0,  # else it is looked for above all ticks, of which there are none up there
     "axes.unicode_minus": True,
     "figure.facecolor": "white",
-    "font.family": "DejaVu Sans",
+    "font.family": FONT,
     "font.size": 9.0,
     "grid.color": palette.FAINT,
     "grid.linewidth": 0.6,

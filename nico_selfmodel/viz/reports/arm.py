@@ -2,12 +2,11 @@
 
 from collections.abc import Mapping
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
-from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.figures import error_plots, parameter_plots
 from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.bending_section import bending_section
@@ -17,6 +16,9 @@ from nico_selfmodel.viz.reports.residual_rows import points_csv
 from nico_selfmodel.viz.reports.tables import Cell, Table, error_table, held_out, number_cell
 from nico_selfmodel.viz.scene.arm_scene import calibration_scene
 from nico_selfmodel.viz.scene.arm_shape import arm_length
+
+if TYPE_CHECKING:
+    from nico_selfmodel.plant import ArmDescription
 
 _CIRCLE_COLUMNS = {
     "points": ("points", 0),
@@ -31,7 +33,7 @@ _CIRCLE_COLUMNS = {
 def arm_report(
     calibration: KinematicCalibration,
     document: Mapping[str, Any],
-    robot: ArmDescription | None = None,
+    robot: "ArmDescription | None" = None,
 ) -> Report:
     """Return what measured points tell of an arm.
 

@@ -1,10 +1,9 @@
 """The report on mirrors that were learned from the reflected hand."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration
-from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.figures.numbers_shown import decimals
 from nico_selfmodel.viz.reports import parts, shared_sections
@@ -14,12 +13,15 @@ from nico_selfmodel.viz.reports.tables import Cell, Table, error_table, held_out
 from nico_selfmodel.viz.scene.mirror_picture import Pictures
 from nico_selfmodel.viz.scene.mirror_scene import mirror_scene
 
+if TYPE_CHECKING:
+    from nico_selfmodel.plant import ArmDescription
+
 
 def mirror_report(
     calibration: MirrorCalibration,
     document: Mapping[str, Any],
     pictures: Pictures | None = None,
-    robot: ArmDescription | None = None,
+    robot: "ArmDescription | None" = None,
 ) -> Report:
     """Return what reflections of the hand tell of mirrors.
 

@@ -1,5 +1,7 @@
 """What a learned arm looks like: the arm, the data it was learned from, and how well it fits."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,7 +10,6 @@ from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
 from nico_selfmodel.estimation.initialization.circle_points import crossing_of
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.scene.arm_items import arm_items, arm_legend
 from nico_selfmodel.viz.scene.arm_shape import arm_length, joint_points
 from nico_selfmodel.viz.scene.circle_items import circle_items, circle_legend
@@ -24,9 +25,12 @@ from nico_selfmodel.viz.scene.scene_items import Item, Tube
 from nico_selfmodel.viz.scene.surroundings import camera_on, floor_items, turned, upright
 from nico_selfmodel.viz.scene.uncertainty_items import uncertainty_items, uncertainty_legend
 
+if TYPE_CHECKING:
+    from nico_selfmodel.plant import ArmDescription
+
 
 def calibration_scene(
-    calibration: KinematicCalibration, robot: ArmDescription | None = None
+    calibration: KinematicCalibration, robot: "ArmDescription | None" = None
 ) -> Scene:
     """Describe a calibration as a scene.
 

@@ -1,14 +1,12 @@
 """Boards in a scene: flat chessboards at their estimated poses, coloured by how well they fit."""
 
-import io
-
 import numpy as np
 from matplotlib.colors import to_rgb
-from matplotlib.image import imsave
 from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.figures.photographs import png
 from nico_selfmodel.viz.scene.lettering import label
 from nico_selfmodel.viz.scene.scene_items import Item, Picture
 
@@ -39,7 +37,7 @@ def board_item(
         X_WI=X_WG @ middle,
         width=size[0],
         height=size[1],
-        image=_png(_pattern(counts, np.asarray(color))),
+        image=png(_pattern(counts, np.asarray(color))),
     )
 
 
@@ -90,9 +88,3 @@ def _pattern(counts: NDArray, color: NDArray) -> NDArray:
     for rim in (np.s_[:_EDGE_PIXELS], np.s_[-_EDGE_PIXELS:]):
         image[rim], image[:, rim] = [*edge, 1.0], [*edge, 1.0]
     return np.round(255.0 * image).astype(np.uint8)
-
-
-def _png(image: NDArray) -> bytes:
-    buffer = io.BytesIO()
-    imsave(buffer, image, format="png", metadata={"Software": None})
-    return buffer.getvalue()

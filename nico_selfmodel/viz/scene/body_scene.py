@@ -1,6 +1,7 @@
 """What a learned body looks like: arm, cameras, and how surely it knows where its hand is."""
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +10,6 @@ from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.body.workspace_accuracy import WorkspaceAccuracy, workspace_accuracy
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.scene.arm_items import arm_items, arm_legend
 from nico_selfmodel.viz.scene.arm_shape import arm_length
@@ -19,6 +19,9 @@ from nico_selfmodel.viz.scene.scene import LegendEntry, Scene
 from nico_selfmodel.viz.scene.scene_items import Item, Markers, Needles
 from nico_selfmodel.viz.scene.surroundings import camera_from, floor_items, upright
 
+if TYPE_CHECKING:
+    from nico_selfmodel.plant import ArmDescription
+
 _DOT = 0.003
 _PLANE = 0.05
 """Distance of image planes from their cameras [m]."""
@@ -27,7 +30,7 @@ _ENLARGED = 10.0
 _AZIMUTH, _ELEVATION = np.radians(250.0), np.radians(30.0)
 
 
-def body_scene(calibration: BodyCalibration, robot: ArmDescription | None = None) -> Scene:
+def body_scene(calibration: BodyCalibration, robot: "ArmDescription | None" = None) -> Scene:
     """Describe a learned body as a scene; z is up, and the left camera stands at its origin.
 
     Args:
@@ -60,7 +63,7 @@ def with_body(
     X_SW: NDArray,
     p_WH: NDArray,
     legend: list[LegendEntry],
-    robot: ArmDescription | None,
+    robot: "ArmDescription | None",
 ) -> Scene:
     """Return a scene of an arm, its cameras, its robot and whatever belongs to them.
 

@@ -1,15 +1,17 @@
 """Words in a scene: viewers have no text of their own, so they are small pictures."""
 
-import io
-import struct
-
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.colors import to_rgb
+from matplotlib.font_manager import FontProperties, findfont, get_font
 from numpy.typing import ArrayLike
 
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.viz.figures.plot_style import style
+from nico_selfmodel.viz.figures.photographs import png
+from nico_selfmodel.viz.figures.plot_style import FONT
 from nico_selfmodel.viz.scene.scene_items import Picture
+
+_SIZE, _PAD = 33.0, 4
+"""Of the letters, and room around them [px]."""
 
 
 def label(
@@ -37,18 +39,12 @@ def label(
 
 def _words_png(text: str, color: str) -> tuple[bytes, float]:
     """Write words on nothing; return a PNG file and its width over its height."""
-    buffer = io.BytesIO()
-    with style():
-        figure = Figure(layout="none")
-        figure.text(0.5, 0.5, text, fontsize=24.0, fontweight="bold", color=color)
-        figure.savefig(
-            buffer,
-            format="png",
-            dpi=100.0,
-            transparent=True,
-            bbox_inches="tight",
-            pad_inches=0.04,
-            metadata={"Software": None},
-        )
-    width, height = struct.unpack(">II", buffer.getvalue()[16:24])
-    return buffer.getvalue(), width / height
+    font = get_font(findfont(FontProperties(family=FONT, weight="bold")))
+    font.set_size(_SIZE, 72.0)
+    font.set_text(text, 0.0)
+    font.draw_glyphs_to_bitmap()
+    letters = np.pad(np.asarray(font.get_image()), _PAD)
+    image = np.empty((*letters.shape, 4), dtype=np.uint8)
+    image[..., :3] = np.round(255.0 * np.array(to_rgb(color)))
+    image[..., 3] = letters
+    return png(image), letters.shape[1] / letters.shape[0]

@@ -1,5 +1,7 @@
 """What learned mirrors look like: cameras, glass, hand and reflection, and the rays between."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +11,6 @@ from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.names import called
-from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.scene.camera_items import ImagePlane, camera_items
 from nico_selfmodel.viz.scene.mirror_picture import MirrorPicture, Pictures, on_glass
@@ -24,6 +25,9 @@ from nico_selfmodel.viz.scene.surroundings import (
     upright,
     with_room,
 )
+
+if TYPE_CHECKING:
+    from nico_selfmodel.plant import ArmDescription
 
 _DOT = 0.004
 _PLANE = 0.045
@@ -49,7 +53,7 @@ _FROM_BEHIND = np.radians(217.0)
 def mirror_scene(
     calibration: MirrorCalibration,
     pictures: Pictures | None = None,
-    robot: ArmDescription | None = None,
+    robot: "ArmDescription | None" = None,
 ) -> Scene:
     """Describe learned mirrors as a scene; z is up.
 

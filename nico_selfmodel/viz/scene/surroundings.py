@@ -2,18 +2,21 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.plant.learned_frames import learned_frames
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.numbers_shown import nice_below
 from nico_selfmodel.viz.scene.scene import FIELD_OF_VIEW, Camera
 from nico_selfmodel.viz.scene.scene_items import Item, Segments, Triad
+
+if TYPE_CHECKING:
+    from nico_selfmodel.plant import ArmDescription
 
 _NEAR = 2.0
 """W itself is shown where it lies within this many sizes of the data."""
@@ -46,7 +49,7 @@ X_WL = np.array(
 """Pose of a camera in a scene that is about cameras: it looks along x, and z is up."""
 
 
-def upright(model: SelfModel, robot: ArmDescription | None = None) -> NDArray:
+def upright(model: SelfModel, robot: "ArmDescription | None" = None) -> NDArray:
     """Return the pose of a model's world in a scene whose z is up. Shape (4, 4).
 
     Only a model whose world is its left camera needs to be turned: others were measured by

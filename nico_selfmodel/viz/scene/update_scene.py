@@ -1,6 +1,7 @@
 """What a change of a known body looks like: the body now, as it was, and how its hand moved."""
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +10,6 @@ from nico_selfmodel.estimation.monitoring.update_evaluation import HeldAgainst, 
 from nico_selfmodel.estimation.observations.pixel_observations import columns_of
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.scene.arm_items import arm_items
 from nico_selfmodel.viz.scene.arm_shape import arm_length
@@ -17,6 +17,9 @@ from nico_selfmodel.viz.scene.body_scene import middle_row, standing, with_body
 from nico_selfmodel.viz.scene.scene import LegendEntry, Scene
 from nico_selfmodel.viz.scene.scene_items import Item, Markers, Needles
 from nico_selfmodel.viz.scene.surroundings import upright
+
+if TYPE_CHECKING:
+    from nico_selfmodel.plant import ArmDescription
 
 _DOT = 0.003
 _ENLARGED = 10.0
@@ -27,7 +30,7 @@ _WAS, _MOVED = palette.rgba(palette.MUTED, 0.5), palette.rgba(palette.CROSS_VALI
 _SEEN = palette.rgba(palette.MUTED, 0.7)
 
 
-def update_scene(evaluation: UpdateEvaluation, robot: ArmDescription | None = None) -> Scene:
+def update_scene(evaluation: UpdateEvaluation, robot: "ArmDescription | None" = None) -> Scene:
     """Describe a change as a scene; z is up.
 
     Args:

@@ -14,7 +14,7 @@ from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.axis import XAxis, YAxis
 from matplotlib.backend_bases import RendererBase
-from matplotlib.backends.backend_svg import RendererSVG
+from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.font_manager import FontProperties
 from matplotlib.path import Path
 from matplotlib.text import Text
@@ -202,7 +202,7 @@ class _TicksAtOnce:
             if not (visible and text):
                 continue
             along = size * width_of(text)
-            if not isinstance(renderer, RendererSVG):  # dots widen letters
+            if isinstance(renderer, RendererAgg):  # whose dots widen letters
                 along = renderer.get_text_width_height_descent(text, font, False)[0]
             wide, tall = (up + down, along) if upright else (along, up + down)
             if self.across == 0:

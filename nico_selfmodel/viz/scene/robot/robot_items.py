@@ -1,13 +1,13 @@
 """The robot's own body around the learned arm, from the visuals of its URDF."""
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 from xml.dom.minidom import Element
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.plant import ArmDescription, SelfModelPlant
 from nico_selfmodel.plant.urdf_document import (
     child,
     children,
@@ -20,13 +20,16 @@ from nico_selfmodel.viz.figures.rgba import Rgba
 from nico_selfmodel.viz.scene.scene import LegendEntry, path_names
 from nico_selfmodel.viz.scene.scene_items import Box, Capsule, Cylinder, Ellipsoid, Item
 
+if TYPE_CHECKING:
+    from nico_selfmodel.plant import ArmDescription
+
 _OPACITY = 0.3
 _LEGEND = (*palette.rgba(palette.MUTED)[:3], _OPACITY)
 
 _SHAPES = ("box", "sphere", "cylinder", "mesh", "capsule", "drake:capsule", "drake:ellipsoid")
 
 
-def robot_items(arm: ArmDescription, model: SelfModel, q: NDArray) -> list[Item]:
+def robot_items(arm: "ArmDescription", model: SelfModel, q: NDArray) -> list[Item]:
     """Return the robot's body with the learned arm in a pose, translucent.
 
     The joint frames are the learned ones, so the body is where the self-model puts it.
@@ -42,6 +45,8 @@ def robot_items(arm: ArmDescription, model: SelfModel, q: NDArray) -> list[Item]
     Raises:
         ModelError: If the robot cannot be read, or its chain has other joints.
     """
+    from nico_selfmodel.plant import SelfModelPlant  # slow to load, for those who name a robot
+
     built = SelfModelPlant.from_urdf(arm, model)
     context = built.plant.CreateDefaultContext()
     built.set_joint_angles(context, q)
@@ -56,14 +61,14 @@ def robot_items(arm: ArmDescription, model: SelfModel, q: NDArray) -> list[Item]
     return items
 
 
-def robot_legend(arm: ArmDescription) -> list[LegendEntry]:
+def robot_legend(arm: "ArmDescription") -> list[LegendEntry]:
     """Return what the translucent body is, and whether meshes are missing from it."""
     meshes = sum(shape.tagName == "mesh" for v in _visuals(arm).values() for shape, _, _ in v)
     label = "the robot's body, on the learned arm"
     return [LegendEntry(f"{label} ({meshes} meshes not drawn)" if meshes else label, _LEGEND)]
 
 
-def _visuals(arm: ArmDescription) -> dict[str, list[tuple[Element, NDArray, Rgba]]]:
+def _visuals(arm: "ArmDescription") -> dict[str, list[tuple[Element, NDArray, Rgba]]]:
     """Return shape, pose in the link and colour of every visual, by link."""
     robot = robot_element(read_document(arm.urdf))
     materials = {m.getAttribute("name"): m for m in children(robot, "material")}
