@@ -302,6 +302,28 @@ def test_a_host_that_hangs_now_and_then_does_not_blame_the_servo(servos):
     assert servos.arm.cycle().q[3] == pytest.approx(0.4, abs=count(servos))
 
 
+@pytest.mark.parametrize("make", MAKES[1:])
+def test_a_host_that_hangs_while_it_enables_an_arm_enables_it(make):
+    """Longer than the heartbeat, before anything that it writes to the elbow."""
+    made = virtual_arm(make=make)
+    made.arm.connect()
+    original, written = made.bus.write, []
+
+    def late(address, register, data):
+        if address == 4:
+            written.append(register)
+            made.port.sleep(0.7)
+        return original(address, register, data)
+
+    made.bus.write = late
+    made.arm.enable()
+    made.bus.write = original
+    assert len(written) >= 3
+    made.arm.move({"right_elbow": 0.2})
+    made.cycle_until_there()
+    assert made.arm.cycle().q[3] == pytest.approx(0.2, abs=count(made))
+
+
 def test_a_servo_that_takes_no_goals_is_a_fault(servos):
     elbow = servos.modules[ELBOW]
     original = elbow.write

@@ -298,9 +298,10 @@ class RegisterMotor(ABC):
         self.tell(state.position, velocity, joint.max_acceleration * joint.counts_per_radian)
         self.write_goal()
         self.bus.write(self.address, self.torque_register, b"\x01")
-        self.watch_over(on=True)
         self.tell(self.look().position, None, None)
         self.write_goal()
+        # Last: where its host was held up in between it would take no goal.
+        self.watch_over(on=True)
 
     @abstractmethod
     def forget_profile(self) -> None:
