@@ -47,7 +47,7 @@ class OwnArmInView:
         Returns:
             A truth value a cell. Shape (rows, columns).
         """
-        p_WQ, radius = self._points(readings)
+        p_WQ, radius = self.points(readings)
         camera = self._camera
         depth = p_WQ @ camera.X_CW[2, :3] + camera.X_CW[2, 3]
         ahead = depth > _NEAREST
@@ -58,8 +58,11 @@ class OwnArmInView:
         with np.errstate(invalid="ignore"):
             return np.asarray((apart < reach).any(axis=2))
 
-    def _points(self, readings: ArrayLike) -> tuple[NDArray, NDArray]:
+    def points(self, readings: ArrayLike) -> tuple[NDArray, NDArray]:
         """Return points on lines through the joints, and from the hand to all that it moves.
+
+        Args:
+            readings: Of the encoders [encoder units]. Shape (n,).
 
         Returns:
             Points, shape (k, 3), and how far from each there may be something, shape (k,) [m].

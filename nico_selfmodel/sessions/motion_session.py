@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import RobotError
+from nico_selfmodel.estimation.contingency.motion_response import LITTLE, MUCH, STILL
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.planning.motor_program import MotorProgram
@@ -21,10 +22,9 @@ from nico_selfmodel.vision.images.motion_mask import CELL, moving_cells
 
 PERIOD = 0.05
 """Time between two pictures [s]."""
-_LEAST_STEP = 1e-4
-"""Of the hand between two pictures, by the learned arm: a tenth of a pixel in a mirror, what the
-motion mask sees of it. With more, an arm that comes to rest is seen to move longer than it is told
-to [m]."""
+_LITTLE = 3e-4
+"""What moves most of arm and fingers moves so little between two pictures that they need not show
+it, by the learned arm: a fifth of a pixel in a mirror [m]."""
 _REMEMBERED = 0.5
 """How old a picture may be when it arrives, at most [s]."""
 _WARM_UP = 1.5
@@ -69,7 +69,7 @@ class MotionSession:
             raise RobotError(
                 "encounters are watched by a head that stands still: build the station with an arm"
             )
-        self._station, self._model, self._X_BM = station, model, X_BM
+        self._station, self._X_BM = station, X_BM
         self._whole = int(latency / PERIOD)
         self._rest = latency - self._whole * PERIOD
         self._own = [OwnArmInView(station.arm, model, one, CELL) for one in model.rig.cameras]
@@ -82,7 +82,7 @@ class MotionSession:
         seconds: float,
         rng: np.random.Generator,
         delay: int | None = None,
-    ) -> Iterator[tuple[bool, bool, bool]]:
+    ) -> Iterator[tuple[int, bool, bool]]:
         """Move at random and say after each pair of pictures what encoders and images did.
 
         Both cameras look: what the own arm hides from one of them it need not hide from the other,
@@ -97,8 +97,9 @@ class MotionSession:
                 half a second if omitted.
 
         Yields:
-            Whether the encoders moved since the pictures before; whether an image did, in cells
-            that the own arm may have covered in it; and whether one did in all others.
+            How the encoders moved since the pictures before, `STILL`, `LITTLE` or `MUCH`; whether
+            an image did, in cells that the own arm may have covered in it; and whether one did in
+            all others.
         """
         warm = _WARM_UP + (encounter.late or 0.0)
         own = MotorProgram.random(poses, warm + seconds, rng)
@@ -130,10 +131,14 @@ class MotionSession:
         """Return what both cameras see. Shape (h, w, 3) each."""
         return [self._station.picture(context, side) for side in SIDES]
 
-    def _moved(self, before: NDArray, now: NDArray) -> bool:
-        """Return whether the hand moved between two readings, by the learned arm."""
-        p_WH = self._model.points(self._model.servos.to_joint(np.stack([before, now])))
-        return bool(np.linalg.norm(p_WH[1] - p_WH[0]) > _LEAST_STEP)
+    def _moved(self, before: NDArray, now: NDArray) -> int:
+        """Return how arm or fingers moved between two readings, by the learned arm.
+
+        A wrist that turns about the marker on the hand moves the fingers alone.
+        """
+        earlier, later = (self._own[0].points(readings)[0] for readings in (before, now))
+        most = float(np.linalg.norm(later - earlier, axis=1).max())
+        return STILL if most == 0.0 else LITTLE if most < _LITTLE else MUCH
 
 
 def _joined(cells: Iterable[NDArray]) -> NDArray:

@@ -11,7 +11,12 @@ from nico_selfmodel.estimation.contingency.contingency import (
     SELF,
     tell_contingency,
 )
-from nico_selfmodel.estimation.contingency.motion_response import learn_response
+from nico_selfmodel.estimation.contingency.motion_response import (
+    LITTLE,
+    MUCH,
+    STILL,
+    learn_response,
+)
 
 from ..slow_rest import slow_rest
 
@@ -38,7 +43,7 @@ def learned(seed=0, count=400):
     rng = np.random.default_rng((seed, 1))
     own = motion(count, rng)
     nobody = rng.random(count) < FALSE
-    return learn_response(own, seen(own, DELAY, rng), nobody, PERIOD)
+    return learn_response(MUCH * own, seen(own, DELAY, rng), nobody, PERIOD)
 
 
 RESPONSE = learned()
@@ -59,7 +64,7 @@ def met(kind, seed, count=200):
         image = rng.random(count + 100) < FALSE
     else:
         image = seen(own, DELAY + kind, rng)
-    return tell_contingency(own[100:], image[100:], RESPONSE)
+    return tell_contingency(MUCH * own[100:], image[100:], RESPONSE)
 
 
 def test_the_delay_of_ones_own_pictures_is_learned():
@@ -67,17 +72,42 @@ def test_the_delay_of_ones_own_pictures_is_learned():
         response = learned(seed)
         # The picture shows one reading: its pair may hold the one before or after as well.
         assert response.delay in (DELAY - 1, DELAY)
-        assert response.seen[1, 1] > 0.9
-        assert response.seen[0, 0] < 0.1
+        assert response.seen[MUCH, MUCH] > 0.9
+        assert response.seen[STILL, STILL] < 0.1
 
 
 def test_a_delay_between_two_pictures_is_learned_too():
     rng = np.random.default_rng(5)
     own = motion(400, rng)
     both = seen(own, DELAY, rng) | seen(own, DELAY + 1, rng)
-    response = learn_response(own, both, np.zeros(400), PERIOD)
+    response = learn_response(MUCH * own, both, np.zeros(400), PERIOD)
     assert response.delay == DELAY
-    assert response.seen.ravel()[1:].min() > 0.9
+    moved = response.seen[np.ix_([STILL, MUCH], [STILL, MUCH])]
+    assert moved.ravel()[1:].min() > 0.9
+
+
+def coming_to_rest(moving):
+    """Return m_t of joints that move on a little, for two pictures, after each way."""
+    m = MUCH * moving
+    for late in (1, 2):
+        after = np.concatenate([np.zeros(late, dtype=bool), moving[:-late]])
+        m = np.where((m == STILL) & after, LITTLE, m)
+    return m
+
+
+def test_who_comes_to_rest_slowly_is_not_ruled_out_by_what_little_of_it_is_seen():
+    seconds = []
+    for seed in range(50):
+        rng = np.random.default_rng((seed, 6))
+        own = coming_to_rest(motion(700, rng))
+        visible = (own == MUCH) | ((own == LITTLE) & (rng.random(700) < 0.5))
+        image = seen(visible, DELAY, rng)
+        response = learn_response(own[:400], image[:400], np.zeros(400), PERIOD)
+        assert 0.2 < response.seen[LITTLE, LITTLE] < 0.9
+        found = tell_contingency(own[400:500], image[400:500], response)
+        assert found.verdict == SELF
+        seconds.append(found.seconds)
+    assert np.median(seconds) < 2.5
 
 
 @pytest.mark.parametrize(
@@ -113,7 +143,7 @@ def test_nobody_is_told_from_somebody_where_there_is_time():
 
 
 def test_who_does_not_move_cannot_tell():
-    still, image = np.zeros(200, dtype=bool), np.zeros(200, dtype=bool)
+    still, image = np.full(200, STILL), np.zeros(200, dtype=bool)
     found = tell_contingency(still, image, RESPONSE)
     assert found.verdict == CANNOT_TELL
     assert not found.settled
@@ -138,7 +168,7 @@ def test_motion_that_tells_no_delay_is_refused():
     rng = np.random.default_rng(3)
     own, image = motion(200, rng), motion(200, rng)
     with pytest.raises(NotIdentifiableError, match="no certain delay"):
-        learn_response(own, image, np.zeros(200), PERIOD)
+        learn_response(MUCH * own, image, np.zeros(200), PERIOD)
     with pytest.raises(NotIdentifiableError, match="move for longer"):
         learn_response([1, 0], [1, 0], [0, 0], PERIOD)
 
@@ -146,3 +176,8 @@ def test_motion_that_tells_no_delay_is_refused():
 def test_series_of_different_lengths_are_refused():
     with pytest.raises(ValueError, match=r"one shape \(T,\)"):
         tell_contingency([1, 0], [1], RESPONSE)
+
+
+def test_motion_that_is_neither_little_nor_much_is_refused():
+    with pytest.raises(ValueError, match="moved must be 0 to 2, got 0 to 3"):
+        tell_contingency([0, 3], [0, 1], RESPONSE)

@@ -49,7 +49,8 @@ from nico_selfmodel.vision.surprise.surprise import Expectation, Surprise
 
 from ..slow_rest import slow_rest
 
-RESPONSE = MotionResponse(0.05, 1, np.array([[0.01, 0.5], [0.5, 0.99]]), 0.01, 0.1, 0.8, 30.0)
+RATES = [[0.01, 0.3, 0.5], [0.3, 0.5, 0.5], [0.5, 0.5, 0.99]]
+RESPONSE = MotionResponse(0.05, 1, np.array(RATES), 0.01, 0.1, 0.8, 30.0)
 
 
 def said(verdict, seconds=1.0):

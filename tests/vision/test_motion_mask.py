@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.vision.images.motion_mask import CELL, moving_cells
+from nico_selfmodel.vision.images.motion_mask import CELL, moving_cells, still_limit
 
 from ..slow_rest import slow_rest
 
@@ -20,6 +20,14 @@ def test_noise_is_not_motion_whatever_its_size(noise):
     alarms = sum(moving_cells(picture(rng, noise), picture(rng, noise)).any() for _ in range(30))
     # One in a thousand pictures of four times this size.
     assert alarms == 0
+
+
+def test_one_still_cell_in_more_than_a_million_seems_to_move():
+    # Of noise of 2 grey levels; the mean of 768 squares is a chi-square, and skew.
+    still, count = 8.0, CELL * CELL * 3
+    limit = still_limit(still, count)
+    drawn = still / count * np.random.default_rng(3).chisquare(count, 12_000_000)
+    assert 2 <= np.sum(drawn > limit) <= 20
 
 
 def test_what_moves_is_found_in_its_cells_and_nowhere_else():

@@ -63,6 +63,19 @@ def test_what_other_pictures_show_too_is_sure():
     assert (blob.u, blob.v) == pytest.approx((25.0, 40.0), abs=0.3)
 
 
+def test_less_is_weakly_surprising_where_another_camera_says_to_look():
+    height = 14.0
+    assert threshold_of(int(BODY.sum()) * SHAPE[0], 1.0) > height > threshold_of(113, 1.0)
+    own, _ = pictures((25.0, 40.0), height=height)
+    assert seen_places(own) == []
+    ((blob, sure),) = seen_places(own, where=[(27.0, 41.0)])
+    assert not sure
+    assert (blob.u, blob.v) == pytest.approx((25.5, 40.2), abs=0.8)
+    assert seen_places(own, where=[(40.0, 40.0)]) == []
+    faint, _ = pictures((25.0, 40.0), height=11.0)
+    assert seen_places(faint, where=[(27.0, 41.0)]) == []
+
+
 @pytest.mark.slow
 def test_noise_of_two_pictures_beside_the_body_surprises_in_one_of_a_hundred():
     rng = np.random.default_rng(7)

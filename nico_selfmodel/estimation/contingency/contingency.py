@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.arrays import read_only
-from nico_selfmodel.estimation.contingency.motion_response import MotionResponse, series
+from nico_selfmodel.estimation.contingency.motion_response import STILL, MotionResponse, series
 
 SELF, NOT_ME, NOBODY, CANNOT_TELL = "self", "not me", "nobody", "cannot tell"
 """Verdicts."""
@@ -52,7 +52,8 @@ def tell_contingency(moved: ArrayLike, seen: ArrayLike, response: MotionResponse
     two, and where these are not reached the verdict is `not me`.
 
     Args:
-        moved: m_t, whether the encoders moved before each picture. Shape (T,).
+        moved: m_t, how the encoders moved before each picture: `STILL`, `LITTLE` or `MUCH`. Shape
+            (T,).
         seen: y_t, whether the image did, where it does not show the own body directly. Shape (T,).
         response: What was learned of oneself.
 
@@ -60,7 +61,7 @@ def tell_contingency(moved: ArrayLike, seen: ArrayLike, response: MotionResponse
         The verdict, and when it fell.
 
     Raises:
-        ValueError: If the series differ in length.
+        ValueError: If the series differ in length, or m_t is something else.
     """
     m, y = series(moved, seen)
     own, other, nobody = _logs(m, y, response)
@@ -87,7 +88,7 @@ def _logs(m: NDArray, y: NDArray, response: MotionResponse) -> list[NDArray]:
     def each(rate: NDArray) -> NDArray:
         return np.where(found, rate, 1.0 - rate)
 
-    moved = m[1 : len(m) - response.delay]
+    moved = m[1 : len(m) - response.delay] > STILL
     nothing = each(np.full(len(found), response.unprompted))
     chain = each(np.where(before, response.stays, response.starts))
     logs = _of_self(each(response.after(m)), nothing, moved), *map(_summed, (chain, nothing))

@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from nico_selfmodel.arrays import frozen_array, read_only
 from nico_selfmodel.errors import NotIdentifiableError
 
+STILL, LITTLE, MUCH = range(3)
+"""Values of m_t: by the encoders nothing moved, so little that it may not be seen, or more."""
 _ODDS = 100.0
 """Odds at which a delay is told."""
 
@@ -21,8 +23,8 @@ class MotionResponse:
     delay: int
     """Pictures d by which the image comes after the encoders, or up to one more."""
     seen: NDArray
-    """P(y_t = 1 | m_(t-d-1), m_(t-d)): how often the image moves after the encoders stood or moved.
-    Shape (2, 2)."""
+    """P(y_t = 1 | m_(t-d-1), m_(t-d)): how often the image moves after the encoders stood, moved a
+    little or more. Shape (3, 3)."""
     unprompted: float
     """P(y_t = 1) where nobody is: motion seen where nothing moves."""
     starts: float
@@ -34,13 +36,13 @@ class MotionResponse:
 
     def __post_init__(self) -> None:
         """Make the array read-only."""
-        object.__setattr__(self, "seen", frozen_array(self.seen, (2, 2), "seen"))
+        object.__setattr__(self, "seen", frozen_array(self.seen, (3, 3), "seen"))
 
     def after(self, moved: NDArray) -> NDArray:
         """Return P(y_t = 1) of each picture from number d + 1 on, after what the encoders did.
 
         Args:
-            moved: m_t. Shape (T,).
+            moved: m_t, `STILL`, `LITTLE` or `MUCH`. Shape (T,).
 
         Returns:
             Shape (T - d - 1,).
@@ -59,7 +61,7 @@ def learn_response(
     """Learn delay and reliability of one's own motion in the image, where it is surely one's own.
 
     Pictures arrive after a delay that is no whole number of pictures, so that one shows motion of
-    two neighbouring readings. The likelihood of a delay d is that of four coins,
+    two neighbouring readings. The likelihood of a delay d is that of nine coins,
 
         L(d) = prod_t P(y_t | m_(t-d-1), m_(t-d)),    P(y = 1 | m) = (n_1m + 1/2) / (n_m + 1),
 
@@ -67,7 +69,8 @@ def learn_response(
     prior, never 0 or 1. (Gold and Scassellati 2009 have such a model with a given delay.)
 
     Args:
-        moved: m_t, whether the encoders moved before each picture. Shape (T,).
+        moved: m_t, how the encoders moved before each picture: `STILL`, `LITTLE` or `MUCH`. Shape
+            (T,).
         seen: y_t, whether the image did, where it shows the own body directly. Shape (T,).
         elsewhere: Whether it did where it does not, while nobody else was there. Shape (T,).
         period: Time between two pictures [s].
@@ -95,7 +98,7 @@ def learn_response(
     apart = np.abs(np.arange(most + 1) - delay) > 1
     margin = float(fits[delay] - fits[apart].max())
     rates = _rates(*_before(m, delay, first), y[first:])
-    if margin < np.log(_ODDS) or rates[1, 1] <= rates[0, 0]:
+    if margin < np.log(_ODDS) or rates[MUCH, MUCH] <= rates[STILL, STILL]:
         raise NotIdentifiableError(
             f"what is seen follows the encoders after no certain delay (odds {np.exp(margin):.3g} "
             f"to 1, {_ODDS:.0f} are needed): start and stop the arm more often where it is seen"
@@ -109,28 +112,31 @@ def learn_response(
 
 
 def series(moved: ArrayLike, seen: ArrayLike) -> tuple[NDArray, NDArray]:
-    """Return both series as truth values. Shape (T,) each.
+    """Return m_t as whole numbers and y_t as truth values. Shape (T,) each.
 
     Raises:
-        ValueError: If they differ in length.
+        ValueError: If they differ in length, or m_t is something else.
     """
-    m, y = read_only(moved, bool), read_only(seen, bool)
+    m, y = read_only(moved, int), read_only(seen, bool)
     if m.ndim != 1 or m.shape != y.shape:
         raise ValueError(f"moved and seen must have one shape (T,), got {m.shape} and {y.shape}")
+    if len(m) and not (m.min() >= STILL and m.max() <= MUCH):
+        raise ValueError(f"moved must be {STILL} to {MUCH}, got {m.min()} to {m.max()}")
     return m, y
 
 
 def _before(m: NDArray, delay: int, first: int) -> tuple[NDArray, NDArray]:
-    """Return m_(t-d-1) and m_(t-d) of the pictures from `first` on, as 0 or 1."""
-    numbers = m.astype(int)
-    return numbers[first - delay - 1 : len(m) - delay - 1], numbers[first - delay : len(m) - delay]
+    """Return m_(t-d-1) and m_(t-d) of the pictures from `first` on."""
+    return m[first - delay - 1 : len(m) - delay - 1], m[first - delay : len(m) - delay]
 
 
 def _rates(earlier: NDArray, later: NDArray, found: NDArray) -> NDArray:
-    """Return P(found | earlier, later). Shape (2, 2)."""
-    kind = 2 * earlier + later
-    count, hits = np.bincount(kind, minlength=4), np.bincount(kind, found, minlength=4)
-    return ((hits + 0.5) / (count + 1.0)).reshape(2, 2)
+    """Return P(found | earlier, later). Shape (3, 3)."""
+    kinds = MUCH + 1
+    kind, shape = kinds * earlier + later, (kinds, kinds)
+    count = np.bincount(kind, minlength=kinds**2)
+    hits = np.bincount(kind, found, minlength=kinds**2)
+    return ((hits + 0.5) / (count + 1.0)).reshape(shape)
 
 
 def _log_likelihood(m: NDArray, y: NDArray, delay: int, first: int) -> float:

@@ -167,7 +167,7 @@ def _judged(
     rng: np.random.Generator,
 ) -> Contingency:
     """Watch an encounter until it is settled, or for as long as may be."""
-    moved: list[bool] = []
+    moved: list[int] = []
     seen: list[bool] = []
     found = tell_contingency(moved, seen, response)
     for m, _, y in session.watch(encounter, poses, LONGEST, rng, response.delay):

@@ -95,7 +95,7 @@ def _robot(stage: EncounterStage, robot: int) -> dict[str, Any]:
         "seed": robot,
         "delay_s": [response.delay * PERIOD, (response.delay + 1) * PERIOD],
         "latency_true_s": stage.latencies[robot],
-        "seen_after_still_or_moved": response.seen.tolist(),
+        "seen_after_still_little_or_much": response.seen.tolist(),
         "seen_where_nobody_is": response.unprompted,
     }
 

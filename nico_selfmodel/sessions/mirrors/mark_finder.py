@@ -18,6 +18,7 @@ from nico_selfmodel.estimation.mirrors.mark_place import (
     fused,
     spot_of,
 )
+from nico_selfmodel.estimation.mirrors.other_sight import nearest_depth, other_sights
 from nico_selfmodel.estimation.mirrors.surface_evidence import SurfaceView, surprising_together
 from nico_selfmodel.geometry.solids.solid import Solid
 from nico_selfmodel.geometry.transform import apply
@@ -165,8 +166,10 @@ class MarkFinder:
         """Return the spots of one look, and whether a place of each is surprising by itself."""
         mirror, rig = self._known.model.mirrors[name], self._known.model.rig
         body = self._body(name, pair[0].readings)
+        rest = (None, None) if changes is None else changes
+        sights = self._sights(name, pair, rest, together)
         left, right = (
-            self._middles(look, None if changes is None else changes[side], together[side])
+            self._middles(look, rest[side], together[side], sights[1 - side])
             for side, look in enumerate(pair)
         )
         found = []
@@ -187,15 +190,36 @@ class MarkFinder:
                 kept.append((spot, strong))
         return kept
 
+    def _sights(
+        self,
+        name: str,
+        pair: Pair,
+        changes: Sequence[Surprise | None],
+        together: Sequence[NDArray],
+    ) -> list[list[tuple[float, float]]]:
+        """Return where the other camera must see what surprises beyond chance in each picture."""
+        rig, found = MirrorRig(self._known.model.rig, self._known.mirror(name)), []
+        for side, look in enumerate(pair):
+            seen = seen_places(look.surprise, changes[side], together[side])
+            spots = [blob for blob, strong in seen if strong]
+            depths = [nearest_depth(look.depth, blob.u, blob.v) for blob in spots]
+            pixels = np.array([(blob.u, blob.v) for blob in spots]).reshape(-1, 2)
+            sights = other_sights(rig, side, pixels, depths)
+            found.append([(float(u), float(v)) for u, v in sights])
+        return found
+
     @staticmethod
     def _middles(
-        look: MirrorLook, change: Surprise | None, together: NDArray
+        look: MirrorLook,
+        change: Surprise | None,
+        together: NDArray,
+        where: Sequence[tuple[float, float]],
     ) -> list[tuple[Blob, Middle, bool]]:
         """Return the spots of one picture, their middles, and whether each is surprising."""
         parts = [look.surprise] if change is None else [look.surprise, change]
         return [
             (blob, middle_of(blob, look.picture, parts), strong)
-            for blob, strong in seen_places(look.surprise, change, together)
+            for blob, strong in seen_places(look.surprise, change, together, where)
         ]
 
     def _on_arm(self, pair: Pair, a: Blob, b: Blob) -> bool:

@@ -16,11 +16,11 @@ def moving_cells(before: NDArray, after: NDArray) -> NDArray:
     """Return which cells of a picture show motion.
 
     Of a cell of k values whose noise has the standard deviation s, the mean squared difference of
-    two pictures is D = (1/k) sum (I_2 - I_1)^2. Where nothing moves, its mean is V = 2 s^2, and it
-    is nearly normal with the variance (2 V^2 + V) / k: a chi-square's, and that of counting in
-    whole grey levels (Skellam). V is the median of D over the cells: less than half of the picture
-    may move. The threshold follows from one false cell in a thousand still pictures, if noise is
-    alike everywhere and pixels err on their own.
+    two pictures is D = (1/k) sum (I_2 - I_1)^2. Where nothing moves, its mean is V = 2 s^2 and its
+    variance (2 V^2 + V) / k: a chi-square's, and that of counting in whole grey levels (Skellam).
+    V is the median of D over the cells: less than half of the picture may move. The threshold
+    follows from one false cell in a thousand still pictures (`still_limit`), if noise is alike
+    everywhere and pixels err on their own.
 
     Args:
         before: The earlier picture, BGR, 8 bits. Shape (h, w, 3).
@@ -34,8 +34,25 @@ def moving_cells(before: NDArray, after: NDArray) -> NDArray:
         ValueError: If the pictures differ in shape, are not BGR, or are smaller than a cell.
     """
     squares, count = _mean_squares(before, after)
-    still = _still(squares)
-    return squares > still + _NORMAL * np.sqrt((2.0 * still**2 + still) / count)
+    return squares > still_limit(_still(squares), count)
+
+
+def still_limit(still: float, count: int) -> float:
+    """Return what the mean squared difference of a cell exceeds by chance once in 1.2 million.
+
+    It is V chi^2_n / n with n = 2 k V / (2 V + 1), which has the mean V and the variance
+    (2 V^2 + V) / k; its quantile, z being the normal's, by Wilson and Hilferty (1931)
+
+        V (1 - 2 / (9 n) + z sqrt(2 / (9 n)))^3
+
+    A normal with that variance exceeds its own seven times as often: a chi-square is skew.
+
+    Args:
+        still: V, the mean where nothing moves [grey levels squared].
+        count: k, values in a cell.
+    """
+    share = 2.0 / 9.0 * (2.0 * still + 1.0) / (2.0 * count * still)
+    return still * (1.0 - share + _NORMAL * np.sqrt(share)) ** 3
 
 
 def picture_noise(before: NDArray, after: NDArray) -> float:

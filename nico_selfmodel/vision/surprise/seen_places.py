@@ -1,5 +1,7 @@
 """What stands out of one picture: of the own body, of what is beside it, and by other pictures."""
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +24,10 @@ _BESIDE = 2
 
 
 def seen_places(
-    own: Surprise, rest: Surprise | None = None, shared: NDArray | None = None
+    own: Surprise,
+    rest: Surprise | None = None,
+    shared: NDArray | None = None,
+    where: Sequence[tuple[float, float]] = (),
 ) -> list[tuple[Blob, bool]]:
     """Return surprising places of one picture, and which of them are so beyond chance.
 
@@ -33,6 +38,8 @@ def seen_places(
         own: What differs from the expected body.
         rest: What has changed where that does not judge; None if it is not known.
         shared: What surprises by this and other pictures together. Shape (h, w).
+        where: Columns and rows at which another camera's spot must be seen, if it is what that one
+            takes it for. The places about them are few, so that less is weakly surprising there.
 
     Returns:
         Places, near ones as one, the largest first; and whether one place of each surprises as
@@ -44,9 +51,19 @@ def seen_places(
     certain = threshold_of(count, FALSE_ALARM)
     filled = np.nan_to_num(places)
     sure = (filled > certain) | together
-    above = _with_what_is_near((filled > threshold_of(count, WEAK)) | together, filled)
+    weak = (filled > threshold_of(count, WEAK)) | together | _expected(filled, where)
+    above = _with_what_is_near(weak, filled)
     found = [(blob_of(i, places, certain), bool(sure[i].any())) for i in connected(above)]
     return _merged(found)
+
+
+def _expected(places: NDArray, where: Sequence[tuple[float, float]]) -> NDArray:
+    """Return what is weakly surprising among the places where another camera's spots must be."""
+    v, u = np.ogrid[: places.shape[0], : places.shape[1]]
+    about = np.zeros(places.shape, dtype=bool)
+    for column, row in where:
+        about |= np.hypot(u - column, v - row) < _NEAR
+    return about & (places > threshold_of(int(about.sum()), WEAK))
 
 
 def _with_what_is_near(above: NDArray, places: NDArray) -> NDArray:
