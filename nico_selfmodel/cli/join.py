@@ -13,7 +13,7 @@ def join(
     out: options.Out,
     force: options.Force = False,
 ) -> None:
-    """Write recordings of one body as one, with the sensors of each.
+    """Write recordings of one body as one, with all sensors.
 
     What has one name in several is one marker, sensor or mirror, and must be the same in all;
     joints too. Samples are numbered anew.

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.errors import ContradictedError, DataError, ModelError
+from nico_selfmodel.dataset.body.body_dataset import ObservationTable
+from nico_selfmodel.dataset.body.sensors import SensorInfo
+from nico_selfmodel.errors import ContradictedError, DataError
 from nico_selfmodel.estimation.monitoring.body_health import check_body_health
 from nico_selfmodel.estimation.monitoring.body_relearning import rezero_body
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
@@ -93,7 +95,12 @@ def test_a_recording_in_which_nothing_agrees_with_the_body_is_refused(arm):
         rezero_body(body, replace(few, observations=replace(table, values=values)))
 
 
-def test_a_body_without_cameras_is_not_watched_and_says_so(arm):
+def test_a_recording_of_touches_alone_is_not_watched_and_says_so(arm):
     body = body_model(calibrate_tree(arm, effects=()))
-    with pytest.raises(ModelError, match="has no camera, by whose pixels"):
-        check_body_health(body, arm)
+    count = len(arm.sample)
+    measured = np.hstack([np.full((count, 1), 0.1), np.full((count, 5), np.nan)])
+    first, second = np.zeros(count, dtype=int), np.ones(count, dtype=int)
+    touches = ObservationTable(np.arange(count), first, first, second, measured)
+    ruler = (SensorInfo("ruler", "distance", sigma=1e-4),)
+    with pytest.raises(DataError, match="nothing that a camera or tracker saw"):
+        check_body_health(body, replace(arm, sensors=ruler, observations=touches))
