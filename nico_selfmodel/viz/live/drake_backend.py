@@ -32,6 +32,10 @@ from nico_selfmodel.viz.scene.scene_items import (
 AMBIENT, BACKGROUND = 1.1, ((1.0, 1.0, 1.0), (0.90, 0.92, 0.95))
 
 
+_GRAIN = 2.0**-15
+"""To which places of triangles are rounded, for pages to be packed: nobody sees it [m]."""
+
+
 def draw_in_drake(scene: Scene, meshcat: Meshcat | None = None) -> Meshcat:
     """Draw a scene in Drake's Meshcat, in place of the one drawn before.
 
@@ -92,7 +96,7 @@ def draw_item(meshcat: Meshcat, path: str, item: Item) -> None:
         _draw_file(meshcat, path, surface_gltf(item, item.colors))
     else:
         mesh = mesh_of(item)
-        vertices = np.asfortranarray(mesh.vertices.T)
+        vertices = np.asfortranarray(np.round(mesh.vertices.T / _GRAIN) * _GRAIN)
         faces = np.asfortranarray(mesh.faces.T.astype(np.int32))
         if mesh.colors is None:
             meshcat.SetTriangleMesh(path, vertices, faces, color)

@@ -9,9 +9,9 @@ from nico_selfmodel.geometry.rotation import tangent_basis
 from nico_selfmodel.viz.scene.scene_items import Item, Markers, Needles, Surface, Triad, Tube
 
 _MANY = 150
-"""More markers than this are made of fewer triangles each."""
+"""More markers or needles than this are made of fewer triangles each."""
 _SIDES = 6
-_NEEDLE_SIDES = 5
+_NEEDLE_SIDES, _FEW_SIDES = 5, 3
 TRIAD_COLORS = np.array([[0.84, 0.19, 0.15], [0.10, 0.60, 0.31], [0.17, 0.35, 0.80]])
 
 
@@ -65,14 +65,15 @@ def _needles(item: Needles) -> TriangleMesh:
     # A vector of no length still gets a direction; its needle is then a flat dot.
     unit = np.where(length > 0.0, along / np.where(length > 0.0, length, 1.0), [0.0, 0.0, 1.0])
     basis = np.swapaxes(tangent_basis(unit), 1, 2)
-    rim = item.starts[:, None] + item.radius * _ring(_NEEDLE_SIDES) @ basis
+    count = _NEEDLE_SIDES if len(along) <= _MANY else _FEW_SIDES
+    rim = item.starts[:, None] + item.radius * _ring(count) @ basis
     vertices = np.concatenate([rim, item.ends[:, None]], axis=1)
-    k = np.arange(_NEEDLE_SIDES)
-    sides = np.stack([k, (k + 1) % _NEEDLE_SIDES, np.full_like(k, _NEEDLE_SIDES)], axis=1)
+    k = np.arange(count)
+    sides = np.stack([k, (k + 1) % count, np.full_like(k, count)], axis=1)
     cap = np.stack([np.zeros_like(k[2:]), k[2:], k[1:-1]], axis=1)
     faces = np.concatenate([sides, cap])
-    indices = np.arange(len(vertices))[:, None, None] * (_NEEDLE_SIDES + 1) + faces
-    colors = None if item.colors is None else np.repeat(item.colors, _NEEDLE_SIDES + 1, axis=0)
+    indices = np.arange(len(vertices))[:, None, None] * (count + 1) + faces
+    colors = None if item.colors is None else np.repeat(item.colors, count + 1, axis=0)
     return TriangleMesh(vertices.reshape(-1, 3), indices.reshape(-1, 3), colors)
 
 

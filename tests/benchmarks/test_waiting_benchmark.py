@@ -1,0 +1,107 @@
+"""What a user waits for at the command line, beside what its libraries alone take."""
+
+import sys
+from dataclasses import replace
+from itertools import islice
+
+import cv2
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from nico_selfmodel.dataset.folder import save_dataset
+from nico_selfmodel.estimation.initialization.axis_search import random_starts
+from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.planning.sweep_protocol import SweepProtocol
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.sessions.simulated_session import simulated_session
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
+from nico_selfmodel.vision.boards.chessboard import Board
+from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
+from nico_selfmodel.viz.figures.plot_style import image_bytes, style
+
+from .timing import best_ratio, processor_seconds
+
+pytestmark = pytest.mark.benchmark
+
+COMMAND = "from nico_selfmodel.cli.main import main; main()"
+LIBRARIES = "import typer, rich.table, numpy, pydrake.solvers, yaml"
+PLAIN_REPORT = """
+import io, jinja2, pydrake.geometry
+from matplotlib.figure import Figure
+figures = [Figure(figsize=(11.0, 4.0)) for _ in range(6)]
+for figure in figures:
+    for axes in figure.subplots(1, 3):
+        axes.plot([0.0, 1.0])
+    figure.savefig(io.BytesIO(), format="svg")
+"""
+
+
+def python(code, *words):
+    return [sys.executable, "-c", code, *map(str, words)]
+
+
+def recorded(**changes):
+    arm = ArmDescription.named("nico")
+    protocol = replace(SweepProtocol.for_arm(arm), **changes)
+    return simulated_session(arm, IMPERFECTIONS["thesis"], protocol, "few", seed=0, session=0)
+
+
+def test_help_takes_little_longer_than_loading_typer():
+    ours, peer = processor_seconds(python(COMMAND, "--help"), python("import typer"), rounds=9)
+    print(f"{ours:.3f} s, {ours / peer:.2f} times loading Typer")
+    assert ours / peer <= 2.2
+
+
+@pytest.mark.parametrize("report", [False, True])
+def test_learning_an_arm_of_few_poses_takes_little_beside_its_libraries(tmp_path, report):
+    data, out = tmp_path / "data", tmp_path / "out"
+    save_dataset(recorded(circle_points=3, home_repeats=1, random_poses=28), data)
+    words = ("calibrate", "kinematics", data, "--out", out, "--force")
+    words = words if report else (*words, "--no-report")
+    peer = python(LIBRARIES + (PLAIN_REPORT if report else ""))
+    ours, theirs = processor_seconds(python(COMMAND, *words), peer)
+    print(f"{ours:.2f} s, {ours / theirs:.2f} times what its libraries take")
+    assert ours / theirs <= (1.6 if report else 4.0)
+
+
+def test_ticks_at_once_are_drawn_in_less_time_than_one_by_one():
+    def drawn(kind):
+        with style():
+            figure = kind(figsize=(11.0, 4.0))
+            for axes in figure.subplots(1, 4):
+                axes.plot(np.arange(9.0), np.arange(9.0) ** 2)
+            image_bytes(figure, "svg")
+
+    ratio = best_ratio(lambda: drawn(PlainFigure), lambda: drawn(Figure), rounds=5)
+    print(f"{ratio:.2f} times matplotlib's own")
+    assert ratio <= 0.6
+
+
+def test_starts_at_once_take_less_time_than_one_by_one():
+    seen = Observations.from_dataset(recorded())
+    known, zero = np.zeros(len(seen.joints), dtype=bool), np.median(seen.angles, axis=0)
+
+    def starts(at_once):
+        drawn = random_starts(seen, known, zero, np.random.default_rng(0), at_once=at_once)
+        return list(islice(drawn, 10))
+
+    ratio = best_ratio(lambda: starts(5), lambda: starts(1), rounds=3)
+    print(f"{ratio:.2f} times one by one")
+    assert ratio <= 0.8
+
+
+def test_boards_are_found_and_judged_in_a_few_times_opencvs_search(real_data_folder):
+    board, folder = Board(9, 6, 0.025), real_data_folder / "stereo_chessboard"
+    images = [cv2.imread(str(path), 0) for path in sorted(folder.glob("*.jpg"))]
+    assert len(images) == 26
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH + cv2.CALIB_CB_NORMALIZE_IMAGE
+
+    def opencv():
+        for image in images:
+            _, corners = cv2.findChessboardCorners(image, (9, 6), flags=flags)
+            cv2.cornerSubPix(image, corners, (11, 11), (-1, -1), (3, 30, 0.1))
+
+    ratio = best_ratio(lambda: [board.find(image, 11) for image in images], opencv, rounds=3)
+    print(f"{ratio:.2f} times OpenCV's search")
+    assert ratio <= 2.8
