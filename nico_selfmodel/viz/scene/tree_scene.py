@@ -52,7 +52,9 @@ def tree_scene(name: str, tree: BodyTree, data: BodyDataset) -> Scene:
     behind = any(sensor.on == WORLD for sensor in tree.sensors)
     view = camera_from(with_room(near, _ROOM * unit), _AZIMUTH if behind else _FACING)
     floor = floor_items(points, 0.5 * unit, X_SW)
-    return Scene(name, (*floor, *turned(items, X_SW)), view, tuple(_legend(tree)))
+    return Scene(
+        name, (*floor, *turned(items, X_SW)), view, tuple(_legend(tree, cloud=len(seen) > 0))
+    )
 
 
 def _middle(data: BodyDataset) -> tuple[NDArray, NDArray]:
@@ -70,9 +72,12 @@ def _seen_points(tree: BodyTree, data: BodyDataset) -> NDArray:
     carried = np.array([m.on != WORLD and m.on not in free for m in tree.markers])
     pairs = np.stack([table.marker, table.pose], axis=1)
     pairs = np.unique(pairs[carried[table.marker] & (table.pose >= 0)], axis=0)
+    if not len(pairs):
+        return np.zeros((0, 3))
     chosen = pairs[np.linspace(0, len(pairs) - 1, min(len(pairs), _MOST_SEEN)).astype(int)]
-    motion = TreeMotion.at(tree, data.si_readings, data.X_flange, data.si_approach)
-    return motion.points(*chosen.T)
+    poses, pose = np.unique(chosen[:, 1], return_inverse=True)
+    told = (told[poses] for told in (data.si_readings, data.X_flange, data.si_approach))
+    return TreeMotion.at(tree, *told).points(chosen[:, 0], pose)
 
 
 def _cloud(seen: NDArray, unit: float) -> list[Item]:
@@ -267,12 +272,13 @@ def _glass_items(path: str, plate: NDArray) -> list[Item]:
     ]
 
 
-def _legend(tree: BodyTree) -> list[LegendEntry]:
+def _legend(tree: BodyTree, *, cloud: bool) -> list[LegendEntry]:
     joints = [
         LegendEntry(name, palette.rgba(palette.joint_color(i)))
         for i, name in enumerate(tree.joints)
     ]
     mirrors = [LegendEntry(called("mirror", mirror.name), _GLASS) for mirror in tree.mirrors]
-    markers = LegendEntry("markers", palette.rgba(palette.HELD_OUT))
-    seen = LegendEntry("where they were seen", palette.rgba(palette.TRAINING))
-    return [*joints, markers, seen, *mirrors]
+    markers = [LegendEntry("markers", palette.rgba(palette.HELD_OUT))]
+    if cloud:
+        markers.append(LegendEntry("where they were seen", palette.rgba(palette.TRAINING)))
+    return [*joints, *markers, *mirrors]
