@@ -8,14 +8,11 @@ from nico_selfmodel.estimation.noise.pose_refinement import PoseWhitened, arm_pr
 from nico_selfmodel.estimation.noise.pose_sums import PoseSums
 from nico_selfmodel.estimation.observations.hand_residuals import DhResiduals
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.estimation.results.folds import FOLDS, splits
+from nico_selfmodel.estimation.results.folds import FOLDS, splits, told_step
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 
 _LARGEST_STEP = 0.3
 """Change of the other poses' residuals, in their standard deviations, up to which one step does."""
-
-_TOLD = 1e-10
-"""Information without a fold, of the largest, below which nothing is told."""
 _SHIFT, _NO_PART = 1e-4, 1e-2
 """How far what a fold alone tells is moved [rad or m], and the share of it that counts as none."""
 
@@ -47,23 +44,20 @@ def cross_validate(observations: Observations, solved: ArmSolution, folds: int =
     chosen = [i for i, name in enumerate(solved.parameters.names) if name in solved.free]
     known = np.diag(information_of(solved.parameters, chosen, solved.priors))
     size = np.sqrt(np.diag(sums.H.sum(axis=0) + known))
-    size = np.where(size > 0.0, size, 1.0)
     errors = np.zeros(len(inliers))
     for k in range(folds):
         rest = sums.H[:k].sum(axis=0) + sums.H[k + 1 :].sum(axis=0) + known
-        rest /= np.outer(size, size)
-        information, vectors = np.linalg.eigh(rest)
-        told = information > _TOLD * information[-1]
-        step = (vectors[:, told] / information[told]) @ -(vectors[:, told].T @ (sums.g[k] / size))
+        # At the minimum of all, the gradient of the rest, -U'u, is the fold's own U'u.
+        step, open_ways = told_step(rest, sums.g[k], size)
         values = solved.parameters.values.copy()
-        values[chosen] += step / size
+        values[chosen] += step
         parameters = solved.parameters.with_values(values)
         if step @ rest @ step > _LARGEST_STEP**2 * sums.coordinates[np.arange(folds) != k].sum():
             parameters = _refit(inliers.select(fold != k), parameters, solved)
         left = inliers.select(fold == k)
         predicted = parameters.points(left.angles, left.marker, left.approach)
         errors[fold == k] = np.linalg.norm(predicted - left.p_WH, axis=1)
-        for way in (vectors[:, ~told] / size[:, None]).T:
+        for way in open_ways.T:
             moved = parameters.values.copy()
             moved[chosen] += _SHIFT * way / np.abs(way).max()
             there = parameters.with_values(moved).points(left.angles, left.marker, left.approach)

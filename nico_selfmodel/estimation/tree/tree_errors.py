@@ -17,7 +17,7 @@ from nico_selfmodel.dataset.body.sensors import (
     MarkerInfo,
 )
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.results.folds import FOLDS, fold_of, splits
+from nico_selfmodel.estimation.results.folds import FOLDS, fold_of, splits, told_step
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
@@ -28,8 +28,6 @@ from nico_selfmodel.model.tree.body_tree import FREE, WORLD, Attached, BodyTree
 from nico_selfmodel.model.tree.free_joints import body_alone, with_free_joints
 from nico_selfmodel.names import listed
 
-_TOLD = 1e-11
-"""Information without a fold, of the largest, below which nothing is told."""
 _NO_PART = 1e-6
 """Share of what a fold alone tells that is rounding."""
 
@@ -217,19 +215,16 @@ def without_folds(
     rows, prior = solution.whitened[:count], solution.whitened[count:]
     white, pull = solution.rest[:count], solution.rest[count:]
     unit = np.sqrt(np.sum(solution.whitened**2, axis=0))
-    unit = np.where(unit > 0.0, unit, 1.0)
     for learn, left in splits(fold):
         own = np.column_stack([rows, white])
         mine = learn[keep]
         own = own[mine] if solution.shared is None else solution.shared.of_some(own, mine)
         H = own[:, :-1].T @ own[:, :-1] + prior.T @ prior
         g = own[:, :-1].T @ own[:, -1] + prior.T @ pull
-        known, vectors = np.linalg.eigh(H / np.outer(unit, unit))
-        told = known > _TOLD * known[-1]
-        step = (vectors[:, told] / known[told]) @ (vectors[:, told].T @ (g / unit))
+        step, open_ways = told_step(H, g, unit)
         values = solution.values.copy()
-        values[problem.columns] -= step / unit
-        yield left, values, _told(problem, solution, vectors[:, ~told] / unit[:, None])
+        values[problem.columns] += step
+        yield left, values, _told(problem, solution, open_ways)
 
 
 def _told(problem: TreeProblem, solution: TreeSolution, open_ways: NDArray) -> NDArray:
