@@ -174,11 +174,14 @@ def looking_at(eye, target):
     return transform(np.column_stack([x, np.cross(z, x), z]), eye)
 
 
-def one_arm(seed, joints=5, markers=1, poses=60, sensor="points", sigma=None, **how):
-    """An arm before a tracker, or before two cameras."""
+def one_arm(seed, joints=5, markers=1, poses=60, sensor="points", sigma=None, shifts=None, **how):
+    """An arm before a tracker, or before two cameras; some of its joints may shift."""
     rng = np.random.default_rng(seed)
     names = [f"j{i + 1}" for i in range(joints)]
     chain, frames = serial(rng, names, "world", 0.5)
+    shifting = np.zeros(joints, dtype=bool) if shifts is None else shifts
+    for i in np.flatnonzero(shifting):
+        chain[i] = replace(chain[i], motion="prismatic", encoder_unit="m")
     infos, attached = tags(rng, "hand", names[-1], markers)
     if sensor == "points":
         sensors, places, lenses = [SensorInfo("tracker", "points")], [np.eye(4)], {}
@@ -192,8 +195,8 @@ def one_arm(seed, joints=5, markers=1, poses=60, sensor="points", sigma=None, **
         lenses = dict.fromkeys(("left", "right"), LENS)
     sigma = sigma or {"points": 2e-4, "camera": 0.3, "turn": 2e-3}
     tree = assembled(chain, frames, infos, attached, sensors, places, lenses)
-    q = rng.uniform(-1.2, 1.2, size=(poses, joints))
-    how.setdefault("joint_sigma", np.radians(0.2))
+    q = rng.uniform(-1.2, 1.2, size=(poses, joints)) * np.where(shifting, 0.2, 1.0)
+    how.setdefault("joint_sigma", np.where(shifting, 2e-4, np.radians(0.2)))
     data = observed(tree, chain, infos, sensors, q, rng, sigma=sigma, **how)
     return Simulated(tree, data, q)
 

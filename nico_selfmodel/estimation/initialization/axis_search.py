@@ -4,7 +4,8 @@ With the directions (and gears) given, the measured point is linear in all axis 
 points: p = c_1 + R_1 (c_2 - c_1) + ... + R_1 ... R_n (p_zero - c_n). They are eliminated (variable
 projection, Golub and Pereyra 1973, in Kaufman's form), so that only 2 numbers a joint, and its gear
 where unknown, are searched. Random starts then reach the best minimum often: one in five for the
-seven joints of a Franka arm with 80 poses.
+seven joints of a Franka arm with 80 poses. Joints that shift what is beyond them cost no search:
+R_1 ... R_k s q is linear in the shift s, and where no joint turns everything is.
 """
 
 from collections.abc import Iterator
@@ -41,6 +42,7 @@ def random_starts(
     gear: NDArray | None = None,
     at_once: int = 4,
     worst: float = np.inf,
+    shifting: NDArray | None = None,
 ) -> Iterator[ArmEstimate]:
     """Yield arms, each the local optimum of one random start; endless.
 
@@ -54,9 +56,10 @@ def random_starts(
         gear: Gears that go with them, nan where unknown. Shape (n,).
         at_once: How many are worked out together, which takes half of the time of one by one.
         worst: Standard deviation of an inlier coordinate above which an arm is of no use [m].
+        shifting: Joints that shift along their line; none if omitted. Shape (n,).
 
     Yields:
-        Arms with all lines, gears and hand points.
+        Arms with all lines, gears and hand points. Only lines that turn are those of `predict`.
     """
     n = len(observations.joints)
     span = np.maximum(np.ptp(observations.angles, axis=0), 1e-9)
@@ -73,7 +76,9 @@ def random_starts(
         starts = drawn / np.linalg.norm(drawn, axis=2, keepdims=True)
         chosen = np.where(gear_known, 1.0, gears)
         known = (gear_known, zero)
-        yield from project_variables(observations, starts, chosen, *known, worst=worst)
+        yield from project_variables(
+            observations, starts, chosen, *known, worst=worst, shifting=shifting
+        )
 
 
 def project_variables(
@@ -85,6 +90,7 @@ def project_variables(
     *,
     rounds: int = _ROUNDS,
     worst: float = np.inf,
+    shifting: NDArray | None = None,
 ) -> list[ArmEstimate]:
     """Refine directions and unknown gears of S starts, with everything linear eliminated.
 
@@ -97,13 +103,17 @@ def project_variables(
         rounds: Rounds of reweighting; after the first, large residuals lose their weight.
         worst: Standard deviation of an inlier coordinate above which an arm is of no use [m]: what
             leaves far more after a round is left as it is.
+        shifting: Joints that shift along their line; none if omitted. Shape (n,).
 
     Returns:
-        The arms at the local optima.
+        The arms at the local optima. A joint that shifts has a line along its shift, and a gear
+        that is found even where it is known: points may be told in any unit of length.
     """
-    directions, gear = directions.copy(), gear.copy()
+    all_directions, all_gears = directions.copy(), gear.copy()
+    shifts = np.zeros(len(zero), dtype=bool) if shifting is None else shifting
+    directions, gear = all_directions[:, ~shifts], all_gears[:, ~shifts]
     middle = observations.p_WH.mean(axis=0)
-    problem = _Projection(observations, zero, middle, np.flatnonzero(~gear_known))
+    problem = _Projection(observations, zero, middle, np.flatnonzero(~gear_known[~shifts]), shifts)
     weights = np.ones((len(gear), len(observations)))
     before = np.full(len(gear), np.inf)
     moving = np.arange(len(gear))
@@ -121,11 +131,17 @@ def project_variables(
         if not len(moving):
             break
     at = problem.linear(directions, gear, weights)
-    points, hands = at.points + middle, at.hands + middle
+    size = np.linalg.norm(at.shifts, axis=2)
+    all_directions[:, ~shifts], all_gears[:, ~shifts] = directions, gear
+    all_directions[:, shifts] = at.shifts / np.maximum(size, 1e-12)[..., None]
+    all_gears[:, shifts] = 1.0 / np.maximum(size, 1e-12)
+    points = np.zeros_like(all_directions)
+    points[:, ~shifts] = at.points
+    points, hands = points + middle, at.hands + middle
     joints, markers = observations.joints, observations.markers
     return [
         ArmEstimate(Chain(joints, d, c, markers, hand), g, zero)
-        for d, c, hand, g in zip(directions, points, hands, gear, strict=True)
+        for d, c, hand, g in zip(all_directions, points, hands, all_gears, strict=True)
     ]
 
 
@@ -137,25 +153,37 @@ class _Linear:
     """Axis points. Shape (S, n, 3)."""
     hands: NDArray
     """Hand points at q = 0. Shape (S, m, 3)."""
+    shifts: NDArray
+    """Shifts for a reading of 1. Shape (S, k, 3)."""
     residuals: NDArray
     """Shape (S, 3, N)."""
     design: NDArray
-    """By coordinates of points and hands, weighted. Shape (S, 2n + 3m, 3N)."""
+    """By coordinates of points, hands and shifts, weighted. Shape (S, 2n + 3m + 3k, 3N)."""
     root: NDArray
-    """Square root of the inverse of its normal equations, (S, 2n + 3m, r)."""
+    """Square root of the inverse of its normal equations, (S, 2n + 3m + 3k, r)."""
     lines: CarriedLines
     q: NDArray
     """Joint displacements [rad]. Shape (S, n, N)."""
 
 
 class _Projection:
-    """Directions and gears of many starts, the axis points along two tangents each eliminated."""
+    """Directions and gears of many starts, the axis points along two tangents each eliminated.
+
+    n joints turn; k others shift what is beyond them.
+    """
 
     def __init__(
-        self, observations: Observations, zero: NDArray, middle: NDArray, free: NDArray
+        self,
+        observations: Observations,
+        zero: NDArray,
+        middle: NDArray,
+        free: NDArray,
+        shifts: NDArray,
     ) -> None:
         self._marker, self._free = observations.marker, free
-        self._moved = np.ascontiguousarray((observations.angles - zero).T)
+        moved = np.ascontiguousarray((observations.angles - zero).T)
+        self._moved, self._shifted = moved[~shifts], moved[shifts]
+        self._after = np.cumsum(~shifts)[shifts]  # joints that turn it
         self._measured = np.ascontiguousarray((observations.p_WH - middle).T)
         markers = np.arange(len(observations.markers))
         self._own = (observations.marker == markers[:, None]).astype(float)
@@ -170,6 +198,8 @@ class _Projection:
             return self.normal_equations(*moved, weights[which])
 
         x = np.zeros((len(gear), 2 * gear.shape[1] + len(self._free)))
+        if not x.size:
+            return directions, gear
         limits = {"max_iterations": _ITERATIONS, "tolerance": _TOLERANCE}
         fits = levenberg_marquardt_each(evaluate, x, **limits)
         moved, _, scaled = _at(directions, gear, self._free, np.stack([fit.x for fit in fits]))
@@ -186,9 +216,11 @@ class _Projection:
         many, n = gear.shape
         basis, q = tangent_basis(directions), self._moved / gear[..., None]
         lines = CarriedLines.at(directions, q, basis if slopes is None else slopes, basis)
-        by_point = lines.by_point.swapaxes(2, 3).reshape(many, 2 * n, 3, -1)
+        by_point = lines.by_point.swapaxes(2, 3).reshape(many, 2 * n, 3, q.shape[-1])
         by_hand = lines.carried[:, -1].swapaxes(1, 2)[:, None] * self._own[:, None, None]
-        design = np.concatenate([by_point, by_hand.reshape(many, -1, *by_point.shape[2:])], axis=1)
+        by_shift = lines.carried[:, self._after].swapaxes(2, 3) * self._shifted[:, None, None]
+        flat = [part.reshape(many, -1, *by_point.shape[2:]) for part in (by_hand, by_shift)]
+        design = np.concatenate([by_point, *flat], axis=1)
         weight = np.sqrt(weights)[:, None]
         weighted = (design * weight[:, None]).reshape(*design.shape[:2], -1)
         target = (self._measured * weight).reshape(many, -1, 1)
@@ -197,15 +229,18 @@ class _Projection:
         fitted = solution.swapaxes(1, 2) @ design.reshape(weighted.shape)
         residuals = fitted.reshape(many, 3, -1) - self._measured
         along = solution[:, : 2 * n].reshape(many, n, 2, 1)
-        hands = solution[:, 2 * n :].reshape(many, -1, 3)
-        return _Linear((basis @ along)[..., 0], hands, residuals, weighted, root, lines, q)
+        hands, shifts = np.split(
+            solution[:, 2 * n :].reshape(many, -1, 3), [len(self._own)], axis=1
+        )
+        return _Linear((basis @ along)[..., 0], hands, shifts, residuals, weighted, root, lines, q)
 
     def normal_equations(
         self, directions: NDArray, slopes: NDArray, gear: NDArray, weights: NDArray
     ) -> tuple[NDArray, NDArray, NDArray]:
         """Return the normal equations of directions and log gears, J = (I - A A^+) dr."""
         at, (many, n) = self.linear(directions, gear, weights, slopes), gear.shape
-        d = at.lines.derivatives(at.points, at.hands[:, self._marker].swapaxes(1, 2))
+        hands = at.hands[:, self._marker].swapaxes(1, 2)
+        d = at.lines.derivatives(at.points, hands, self._beyond(at))
         weight = np.sqrt(weights)
         free, count = self._free, weights.shape[1]
         jacobian = np.empty((many, 2 * n + len(free), 3, count))
@@ -220,6 +255,16 @@ class _Projection:
         explained = jacobian @ at.design.swapaxes(1, 2) @ at.root
         hessian = jacobian @ jacobian.swapaxes(1, 2) - explained @ explained.swapaxes(1, 2)
         return 0.5 * np.sum(r * r, axis=(1, 2)), (jacobian @ r)[..., 0], hessian
+
+    def _beyond(self, at: _Linear) -> NDArray | None:
+        """Return what shifts beyond each turning joint add to its arm. Shape (S, n, 3, N)."""
+        if not len(self._after):
+            return None
+        carried = at.lines.carried[:, self._after]
+        moved = (at.shifts[:, :, None, None, :] @ carried)[..., 0, :] * self._shifted[:, None]
+        many, k, *point = moved.shape
+        turned = np.arange(at.q.shape[1])[:, None] < self._after
+        return (turned @ moved.reshape(many, k, -1)).reshape(many, -1, *point)
 
 
 def _at(

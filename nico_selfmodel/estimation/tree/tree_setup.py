@@ -32,7 +32,15 @@ from nico_selfmodel.files.csv_rows import number_of_word
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror
-from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, WHOLE_POSES, WORLD, Attached, BodyTree
+from nico_selfmodel.model.tree.body_tree import (
+    FLANGE,
+    FREE,
+    PRISMATIC,
+    WHOLE_POSES,
+    WORLD,
+    Attached,
+    BodyTree,
+)
 from nico_selfmodel.names import listed, refuse_unknown
 
 KNOWN_PLACES = "markers at known places"
@@ -331,6 +339,9 @@ def _scale_from(data: BodyDataset, description: Description | None, wishes: Wish
         return "flange"
     if DISTANCE in kinds:
         return f"{kinds[DISTANCE]} (known distances)"
+    travelled = [j.name for j in data.joints if j.motion == PRISMATIC and j.gear_known]
+    if travelled:
+        return f"{travelled[0]} (travel)"
     if description is not None:
         return "robot description"
     known = {n for n, v in wishes.pins.pinned.items() if v} | set(wishes.priors)

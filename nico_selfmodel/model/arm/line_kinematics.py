@@ -49,7 +49,7 @@ def carried_rotations(directions: NDArray, q: NDArray) -> NDArray:
     rotations = line_rotations(directions, q)
     carried = np.empty((*many, n + 1, 3, 3, count))
     carried[..., 0, :, :, :] = np.eye(3)[:, :, None]
-    carried[..., 1, :, :, :] = rotations[..., 0, :, :, :]
+    carried[..., 1:2, :, :, :] = rotations[..., :1, :, :, :]
     for i in range(1, n):
         before, turn = carried[..., i, :, :, :], rotations[..., i, :, :, :]
         np.einsum("...ijk,...jlk->...ilk", before, turn, out=carried[..., i + 1, :, :, :])
@@ -133,12 +133,16 @@ class CarriedLines:
         moved = changes[..., None, :, :] @ difference
         return cls(directions, carried, difference, moved[..., :2, :], moved[..., 2:, :])
 
-    def derivatives(self, points: NDArray, p_zero: NDArray) -> HandDerivatives:
+    def derivatives(
+        self, points: NDArray, p_zero: NDArray, beyond: NDArray | None = None
+    ) -> HandDerivatives:
         """Return tracked points with their derivatives by every line parameter.
 
         Args:
             points: A point c_i of each axis [m]. Shape (..., n, 3).
             p_zero: Tracked point of each pose at q = 0 [m]. Shape (..., 3, N).
+            beyond: What else moves the tracked point away from each axis, in the frame of
+                measurement [m]; nothing if omitted. Shape (..., n, 3, N). It is no part of p.
         """
         points = points[..., None, None, :]
         shift = (points @ self.difference)[..., 0, :]
@@ -150,6 +154,8 @@ class CarriedLines:
         n, flat = shift.shape[-3], (*shift.shape[:-2], -1)
         before = (np.tri(n, k=-1) @ shift.reshape(flat)).reshape(shift.shape)
         arm = p[..., None, :, :] - along[..., 1, :] - before
+        if beyond is not None:
+            arm = arm + beyond
         lever = np.concatenate([self.levers, along[..., :1, :]], axis=-2)
         swing = cross(np.moveaxis(lever, -3, 0), np.moveaxis(arm, -2, 0)[..., None, :])
         return HandDerivatives(

@@ -136,7 +136,7 @@ def _by_cameras(
         points: Markers in space.
         seed: Of what is drawn.
     """
-    tree = body_from_points(data, _with_sensors(blank, places), points, seed)
+    tree = body_from_points(data, _with_sensors(blank, places), points, seed, sized=False)
     return with_others(data, tree, cameras, list(places), np.unique(points.marker), seed)
 
 

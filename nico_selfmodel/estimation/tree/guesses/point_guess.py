@@ -5,6 +5,7 @@ the way are known already (a shared torso), points are taken into the frame of t
 only the rest is searched.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -15,17 +16,21 @@ from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.initialization.axis_search import random_starts
 from nico_selfmodel.estimation.initialization.start_search import RANDOM, few_rows, search_starts
+from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.geometry.rotation import tangent_basis
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.arm.servo_map import ServoMap
-from nico_selfmodel.model.tree.body_tree import REVOLUTE, WORLD, Attached, BodyTree
+from nico_selfmodel.model.tree.body_tree import PRISMATIC, REVOLUTE, WORLD, Attached, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import listed
+from nico_selfmodel.optimization.losses import robust_scale
 
 _STARTS = 40
 """Random starts of one search at most."""
+_AGREEING, _ALIKE = 3, 1.01
+"""How many of the starts must leave alike, and how much more than the best one these may leave."""
 _SIGMA = 1e-3
 """Whitening of points whose noise is not known [m]; it only sets units."""
 
@@ -47,7 +52,9 @@ class SeenPoints:
         return SeenPoints(self.pose[keep], self.marker[keep], self.p_WM[keep])
 
 
-def body_from_points(data: BodyDataset, tree: BodyTree, points: SeenPoints, seed: int) -> BodyTree:
+def body_from_points(
+    data: BodyDataset, tree: BodyTree, points: SeenPoints, seed: int, *, sized: bool = True
+) -> BodyTree:
     """Return a body whose joints and markers are where the points ask for.
 
     Args:
@@ -55,10 +62,12 @@ def body_from_points(data: BodyDataset, tree: BodyTree, points: SeenPoints, seed
         tree: The body to fill in: what carries what. Its geometry is not used.
         points: Markers in W.
         seed: Of the random starts.
+        sized: Whether the points are in metres. Else joints that are read in metres tell how large
+            the body is, if there are any, sensors and all.
 
     Raises:
-        DataError: If a joint on the way to a marker is not revolute, or a link's points are too
-            few for its joints.
+        DataError: If a joint on the way to a marker neither turns nor shifts, or a link's points
+            are too few for its joints.
     """
     seen = np.unique(points.marker)
     links = sorted({tree.markers[m].on for m in seen.tolist()}, key=lambda i: _depth(tree, i))
@@ -73,7 +82,19 @@ def body_from_points(data: BodyDataset, tree: BodyTree, points: SeenPoints, seed
             known |= set(rest)
         else:
             tree = _placed(tree, own, local)
-    return tree
+    return _with_known_gears(data, tree, sized)
+
+
+def _with_known_gears(data: BodyDataset, tree: BodyTree, sized: bool) -> BodyTree:
+    """Return a body with the gears that are known in place of those that were found.
+
+    One that was told in any unit of length becomes as large as its shifting joints travel.
+    """
+    known = np.array([joint.gear_known for joint in data.joints])
+    shifting = known & np.array([motion == PRISMATIC for motion in tree.motions])
+    if shifting.any() and not sized:
+        tree = tree.scaled(float(np.median(tree.gear[shifting])))
+    return replace(tree, gear=np.where(known, 1.0, tree.gear))
 
 
 def _depth(tree: BodyTree, link: int) -> int:
@@ -113,12 +134,44 @@ def _searched(
     """Search the lines of joints that carry the points, and put both into the body."""
     observations = _observations(data, tree, joints, own, local)
     known = np.array([data.joints[i].gear_known for i in joints])
-    zero = np.where(known, 0.0, np.median(observations.angles, axis=0))
+    shifting = np.array([tree.motions[i] == PRISMATIC for i in joints])
+    zero = np.where(known | shifting, 0.0, np.median(observations.angles, axis=0))
     few = few_rows(observations, seed)
-    drawn = random_starts(few, known, zero, np.random.default_rng((seed, 1)))
-    starts = ((RANDOM, arm) for arm in islice(drawn, _STARTS))
+    rng = np.random.default_rng((seed, 1))
+    drawn = islice(random_starts(few, known, zero, rng, shifting=shifting), _STARTS)
+    if shifting.any():
+        return _best_of(data, tree, joints, own, local, drawn)
+    starts = ((RANDOM, arm) for arm in drawn)
     arm = search_starts(observations, few, starts, known, _SIGMA, "cauchy").best.arm
-    chain = arm.chain.rezeroed(-arm.zero / arm.gear)
+    return _with_arm(tree, joints, own, arm)
+
+
+def _best_of(
+    data: BodyDataset,
+    tree: BodyTree,
+    joints: list[int],
+    own: NDArray,
+    local: SeenPoints,
+    drawn: Iterator[ArmEstimate],
+) -> BodyTree:
+    """Return the body of the best of the starts, in which some joints shift."""
+    found: list[tuple[float, BodyTree]] = []
+    for arm in drawn:
+        made, link = _with_arm(tree, joints, own, arm), int(tree.parent[joints[0]])
+        motion = TreeMotion.at(made, data.si_readings, data.X_flange)
+        there = replace(local, p_WM=motion.points(local.marker, local.pose))
+        missed = _in_link(data, made, there, link).p_WM - local.p_WM
+        found.append((robust_scale(np.linalg.norm(missed, axis=1), 3), made))
+        found.sort(key=lambda one: one[0])
+        if len(found) >= _AGREEING and found[_AGREEING - 1][0] < _ALIKE * found[0][0]:
+            break
+    return found[0][1]
+
+
+def _with_arm(tree: BodyTree, joints: list[int], own: NDArray, arm: ArmEstimate) -> BodyTree:
+    """Write an arm, moved to zero readings, into the body."""
+    shifting = np.array([tree.motions[i] == PRISMATIC for i in joints])
+    chain = arm.chain.rezeroed(np.where(shifting, 0.0, -arm.zero / arm.gear))
     return _with_chain(tree, joints, own, chain, arm.gear)
 
 
@@ -130,11 +183,11 @@ def _observations(
     local: SeenPoints,
 ) -> Observations:
     names = tuple(data.joints[i].name for i in joints)
-    wrong = [data.joints[i].name for i in joints if tree.motions[i] != REVOLUTE]
+    wrong = [data.joints[i].name for i in joints if tree.motions[i] not in (REVOLUTE, PRISMATIC)]
     if wrong:
         raise DataError(
-            f"the place of {listed(wrong)} cannot be found from nothing, only that of revolute "
-            "joints can: give the robot's description"
+            f"the place of {listed(wrong)} cannot be found from nothing, only that of joints can "
+            "that turn or shift: give the robot's description"
         )
     fewest = -(-(4 * len(joints) + 3 * len(own)) // 3)
     if len(local.pose) < fewest:
