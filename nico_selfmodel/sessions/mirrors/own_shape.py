@@ -12,7 +12,7 @@ from nico_selfmodel.sessions.mirrors.knowing import LINKS, Knowing
 from nico_selfmodel.sessions.mirrors.learned_shape import LearnedShape, Skeleton, learn_shape
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
-from nico_selfmodel.sessions.mirrors.shape_looks import look_at_shape, tell_mirrors
+from nico_selfmodel.sessions.mirrors.shape_looks import look_at_shape, tell_mirrors, well_told
 from nico_selfmodel.sessions.progress import Stage
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
@@ -43,12 +43,15 @@ def learn_structure(known: Knowing, stage: Stage) -> tuple[LearnedShape, Surface
     nico = rendered(robot, ImageQuality())
     model, told = tell_mirrors(nico, robot.model, robot.readings, known.before.plate, stage)
     places = {**{name: view.X_BM for name, view in views.items()}, **told}
-    mirrors = {name: model.mirrors[name] for name in places}
     before = known.before
     with BodyImage(nico.arm, robot.model) as image, before.station(_DAY) as station:
-        looks = MirrorLooks(station, image, robot.model, mirrors[MIRROR], places[MIRROR])
-        seen = look_at_shape(looks, mirrors, places, list(known.poses[MIRROR]), stage)
         known.body.pose(image)
+        first = model.mirrors[MIRROR]
+        looks = MirrorLooks(station, image, robot.model, first, places[MIRROR])
+        poses = image.poses(known.poses[MIRROR][0])
+        middles = np.array([poses[link][:3, 3] for link in LINKS])
+        mirrors = well_told(model.rig, {name: model.mirrors[name] for name in places}, middles)
+        seen = look_at_shape(looks, mirrors, places, list(known.poses[MIRROR]), stage)
         poses = image.poses(seen.shots[0].readings)
         moving = {image.links[number] for number in image.moving}
         truth = station.surfaces_true(looks.body.context)
