@@ -243,3 +243,13 @@ def root_of(covariance: NDArray) -> NDArray:
     # What is known stands beside what nobody knows: a micrometre beside thirty metres is 1e-15.
     kept = values > 1e-15 * values.max(initial=np.finfo(float).tiny)
     return size[:, None] * vectors[:, kept] * np.sqrt(values[kept])
+
+
+def inverse_of(matrix: NDArray) -> NDArray:
+    """Return the inverse of a covariance or an information, whatever units its parts have.
+
+    A = D B D with D the root of its diagonal: A^-1 = D^-1 B^-1 D^-1.
+    """
+    size = np.sqrt(np.diag(matrix))
+    inverse = np.linalg.inv(matrix / np.outer(size, size)) / np.outer(size, size)
+    return 0.5 * (inverse + inverse.T)

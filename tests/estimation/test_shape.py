@@ -21,6 +21,7 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.vision.images.image_array import smoothed_within
 
 CENTER, RADIUS = np.array([0.03, 0.1, -0.05]), 0.07
 TILTS = [(x, y) for x in (-25, 0, 25) for y in (-20, 5)]
@@ -45,7 +46,13 @@ def painted(way):
     return 120.0 + 50.0 * waves
 
 
-def look(camera, rng):
+def shaded(way):
+    """Return the colour of plain paint in one light. Shape (..., 3) -> (..., 3)."""
+    light = np.clip(way @ np.array([0.0, -0.5, 0.87]), 0.0, 1.0)
+    return 60.0 + 120.0 * light[..., None] ** 2 * np.array([1.0, 0.9, 0.8])
+
+
+def look(camera, rng, paint=painted):
     """Return a picture of the ball, its outline and its depth, of one camera."""
     u, v = np.meshgrid(*(np.arange(n, dtype=float) for n in camera.image_size))
     pixels = np.stack([u, v], axis=-1).reshape(-1, 2)
@@ -56,7 +63,7 @@ def look(camera, rng):
     hit = along - np.sqrt(np.maximum(RADIUS**2 - square, 0.0))
     places = off + hit[:, None] * ways
     beyond = camera.fx * (np.sqrt(square) - RADIUS) / along
-    color = np.where(beyond[:, None] < 0.0, painted(places / RADIUS), 90.0)
+    color = np.where(beyond[:, None] < 0.0, paint(places / RADIUS), 90.0)
     color = color + rng.normal(0.0, 0.5, color.shape)
     depth = hit * (ways @ camera.X_WC[:3, 2])
     shape = u.shape
@@ -68,11 +75,11 @@ def look(camera, rng):
 
 
 @cache
-def seen():
+def seen(paint=painted):
     rng, views, depths = np.random.default_rng(0), [], []
     for k, mirror in enumerate(mirrors()):
         for side, camera in enumerate(MirrorRig(rig(), mirror).virtual.cameras):
-            picture, beyond, depth = look(camera, rng)
+            picture, beyond, depth = look(camera, rng, paint)
             views.append(ShapeView(k, side, picture, beyond))
             if side == 0:
                 depths.append(DepthView(k, rig().left, depth))
@@ -129,6 +136,53 @@ def test_a_ball_drawn_too_small_grows_to_its_size_and_says_how_well():
         for own in (told.mirrors, found.mirrors)
     )
     assert after < before
+
+
+def blurred(views, sigma):
+    smooth = [
+        replace(v, picture=smoothed_within(v.picture, v.beyond < -0.5, sigma)) for v in views.views
+    ]
+    return replace(views, views=tuple(smooth))
+
+
+def test_plain_paint_that_darkens_aside_looks_deeper_the_more_it_is_blurred():
+    views, _ = seen(shaded)
+    start = ball(RADIUS)
+    outward = (start.vertices - CENTER) / np.linalg.norm(start.vertices - CENTER, axis=1)[:, None]
+    mesh = start.moved(CENTER + RADIUS * outward)
+    asked = []
+    for levels in (1.0, 0.5):
+        found = PictureEquations.of(mesh, blurred(views, levels), blurred(views, 1.5))
+        told = (found.looks >= 6) & (views.facing(mesh).max(axis=0) > 0.5)
+        asked.append(found.pull[told].sum() / found.own[told].sum())
+    assert asked[0] < -0.08e-3
+    assert abs(asked[1]) < 0.05e-3
+
+
+def test_surface_and_mirrors_move_at_once_as_a_dense_solution_says():
+    views, _ = seen()
+    mesh, rng = ball(0.03, 0.015), np.random.default_rng(3)
+    fair = FairSurface.of(mesh, Neighbours.of(mesh), 1e-3)
+    size, count = len(mesh.vertices), len(views.values)
+    own, coupling = rng.uniform(1e5, 1e6, size), rng.uniform(-1e6, 1e6, (size, count))
+    bent = fair.bent(np.eye(size))
+    A = np.diag(own) + bent.T @ bent / fair.tau**2
+    values = coupling.T @ np.linalg.solve(A, coupling) + 1e7 * np.eye(count)
+    told = PictureEquations(
+        own, rng.normal(0.0, 1e3, size), coupling, values, rng.normal(0.0, 1e3, count),
+        np.zeros((size, 3)), np.ones(size), np.full(size, 9),
+    )  # fmt: skip
+    now = views.values + 1e-3 * rng.standard_normal(count)
+    by, change, covariance = refinement._together(views, now, told, fair)
+    known = np.linalg.inv(views.covariance)
+    N = (values - coupling.T @ np.linalg.solve(A, coupling)) / refinement._ALIKE + known
+    b = told.pull + fair.pull
+    asked = (told.values_pull - coupling.T @ np.linalg.solve(A, b)) / refinement._ALIKE
+    asked += known @ (views.values - now)
+    np.testing.assert_allclose(change, np.linalg.solve(N, asked), rtol=1e-3, atol=1e-7)
+    np.testing.assert_allclose(covariance, np.linalg.inv(N), rtol=1e-3, atol=1e-10)
+    dense = np.linalg.solve(A, b - coupling @ change)
+    np.testing.assert_allclose(by, dense, rtol=1e-2, atol=1e-6)
 
 
 @pytest.mark.parametrize("scale", [0.2, 1.0])

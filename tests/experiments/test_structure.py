@@ -15,9 +15,12 @@ from nico_selfmodel.experiments.mirror_test.structure_report import (
     structure_table,
 )
 from nico_selfmodel.geometry.surface_nets import surface_nets
+from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.geometry.voxel_grid import VoxelGrid
+from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.sessions.mirrors.learned_shape import FEWEST, Skeleton, claimed
-from nico_selfmodel.sessions.mirrors.shape_looks import SHAPE_MIRRORS
+from nico_selfmodel.sessions.mirrors.shape_looks import SHAPE_MIRRORS, well_told
+from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
 GRID = VoxelGrid.about(np.zeros((1, 3)), 0.08, 0.02)
@@ -94,6 +97,28 @@ def test_a_place_is_claimed_where_enough_pictures_show_it_and_all_that_is_next_t
     assert not claimed(RefinedSurface(BALL, sigma, colors, np.full(size, FEWEST), ()))[
         next_to_it
     ].any()
+
+
+def test_a_place_that_is_known_to_more_than_three_millimetres_is_not_claimed():
+    size = len(BALL.vertices)
+    sigma = np.full(size, 2.9e-3)
+    sigma[7] = 3.1e-3
+    colors = np.full((size, 3), 90.0)
+    found = claimed(RefinedSurface(BALL, sigma, colors, np.full(size, FEWEST), ()))
+    assert np.flatnonzero(~found).tolist() == [7]
+
+
+def test_mirrors_that_do_not_tell_where_the_body_is_seen_are_left_out():
+    body = apply(NICO_CAMERAS.left.X_WC, np.array([[0.0, 0.15, -0.05], [0.0, 0.4, -0.1]]))
+
+    def mirror(sigma):
+        return Mirror.from_values([0.1, -0.3, 0.25], np.diag([sigma, sigma, 1e-4]) ** 2)
+
+    known = {f"m{k}": mirror(1e-3) for k in range(6)}
+    assert set(well_told(NICO_CAMERAS, {**known, "vague": mirror(8e-3)}, body)) == set(known)
+    known.pop("m0")
+    with pytest.raises(EstimationError, match="well enough in 5 of 12 mirrors, a shape takes 6"):
+        well_told(NICO_CAMERAS, {**known, "vague": mirror(8e-3)}, body)
 
 
 @pytest.mark.parametrize("sigma", [1e-3, 0.5e-3])

@@ -13,13 +13,13 @@ from nico_selfmodel.cli.option_groups import Output
 from nico_selfmodel.cli.result_files import judged_document, write_with_report
 
 if TYPE_CHECKING:
-    from nico_selfmodel.sessions.mirrors.shape_scenario import ShapeScenario
+    from nico_selfmodel.sessions.mirrors.own_shape import ShapeScenario
     from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 
 def learn_shape(output: Output, world: "Imperfections", seed: int) -> NoReturn:
     """Learn cameras, arm, mirrors, and the shape of head and chest in them; write the result."""
-    from nico_selfmodel.sessions.mirrors.shape_scenario import learn_own_shape
+    from nico_selfmodel.sessions.mirrors.own_shape import learn_own_shape
 
     with printer.progress_bar() as progress:
         scenario = learn_own_shape(world, seed, progress)

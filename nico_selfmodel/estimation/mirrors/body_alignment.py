@@ -26,6 +26,7 @@ from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import reflected_projection
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.optimization.uncertainty import inverse_of
 
 _LEAST_SLOPE = 1.5
 """What changes by less from pixel to pixel tells no place [grey levels]."""
@@ -133,16 +134,6 @@ def alignment_step(
         )
     covariance = inverse_of(information)
     return Alignment(covariance @ gradient, covariance)
-
-
-def inverse_of(matrix: NDArray) -> NDArray:
-    """Return the inverse of a covariance or an information, whatever units its parts have.
-
-    A = D B D with D the root of its diagonal: A^-1 = D^-1 B^-1 D^-1.
-    """
-    size = np.sqrt(np.diag(matrix))
-    inverse = np.linalg.inv(matrix / np.outer(size, size)) / np.outer(size, size)
-    return 0.5 * (inverse + inverse.T)
 
 
 def _equations(

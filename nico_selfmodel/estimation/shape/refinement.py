@@ -2,7 +2,9 @@
 
 Vertices move along their normals and mirrors by their values, by what the pictures tell
 (`picture_equations`), what the hand told of the mirrors before, and how smooth a surface is
-expected to be (`fair_surface`); first by blurred pictures, which lead from farther away.
+expected to be (`fair_surface`); first by blurred pictures, which lead from farther away. There
+mirrors are held, then each moves by what the surface leaves of its own pictures' error; in the end
+surface and mirrors move at once, and what the hand told of one mirror counts for all.
 """
 
 from collections.abc import Callable
@@ -17,23 +19,47 @@ from nico_selfmodel.estimation.shape.picture_equations import PictureEquations
 from nico_selfmodel.estimation.shape.shape_views import ShapeViews
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
 from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.optimization.uncertainty import inverse_of
 
-BLURS = (
-    (4.0, False),
-    (4.0, False),
-    (3.0, False),
-    (3.0, True),
-    (2.0, True),
-    (1.5, True),
-    (1.0, True),
+HELD, APART, TOGETHER = "held", "apart", "together"
+"""How mirrors move in a step: not, each by itself, or all at once with the surface."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """How pictures are blurred in a step, and how mirrors move."""
+
+    levels: float
+    """Blur of what is compared [px]."""
+    slopes: float
+    """Blur of what slopes are taken of [px]."""
+    mirrors: str
+    """`HELD`, `APART` or `TOGETHER`."""
+
+
+STEPS = (
+    Step(4.0, 4.0, HELD),
+    Step(4.0, 4.0, HELD),
+    Step(3.0, 3.0, HELD),
+    Step(3.0, 3.0, APART),
+    Step(2.0, 2.0, APART),
+    Step(1.0, 1.5, APART),
+    Step(0.5, 1.5, APART),
+    *(Step(0.5, 1.5, TOGETHER),) * 6,
 )
-"""Blur of the pictures in each step [px], and whether mirrors move in it."""
+"""What is done in turn."""
 BEND_SIGMA = 1e-3
 """By how much a surface bends otherwise than nearby, over an edge of a mesh [m]."""
 _FARTHEST = 6e-3
 """That a vertex moves in one step [m]."""
 _SAMPLES, _STEPS = 16, 80
 """From which standard deviations are estimated, and steps of conjugate gradients for them."""
+_COUPLED = 200
+"""Steps of conjugate gradients that tell how a surface follows mirrors."""
+_ALIKE = 30.0
+"""By how much less pictures tell of mirrors than their equations say: before true mirrors these ask
+for changes whose chi-square, a degree of freedom, is 7 in the mean and up to 90 (robots 1834 and
+1836), for what shading and cameras are wrong by is alike all over a body."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,33 +93,81 @@ def refine_surface(
 
     Args:
         mesh: Where the surface is about: to 5 mm or so, where it has no edges to follow.
-        blurred: The pictures, blurred by a Gaussian [px]; mirrors as the hand told them.
+        blurred: The pictures, blurred by a Gaussian [px] of what shows the body; mirrors as the
+            hand told them.
         rng: Source of samples of what is not known.
         progress: Called after each step.
     """
-    neighbours, before = Neighbours.of(mesh), blurred(BLURS[0][0])
-    values = before.values
-    for k, (blur, free) in enumerate(BLURS):
-        found = PictureEquations.of(mesh, blurred(blur).placed(values))
-        fair = FairSurface.of(mesh, neighbours, BEND_SIGMA)
-        step = fair.solved(found.own, (found.pull + fair.pull)[:, None])[:, 0]
-        step = np.clip(step, -_FARTHEST, _FARTHEST)
-        mesh = mesh.moved(mesh.vertices + step[:, None] * mesh.normals)
-        if free:
-            values = values + _moved(before, values, found, step)
+    neighbours, before = Neighbours.of(mesh), blurred(STEPS[0].levels)
+    values, covariance = before.values, before.covariance
+    for k, step in enumerate(STEPS):
+        found, fair = _equations(mesh, neighbours, blurred, step, values)
+        if step.mirrors == TOGETHER:
+            by, change, covariance = _together(before, values, found, fair)
+        else:
+            by = fair.solved(found.own, (found.pull + fair.pull)[:, None])[:, 0]
+            free = step.mirrors == APART
+            change = _apart(before, values, found, by) if free else np.zeros_like(values)
+        by, values = np.clip(by, -_FARTHEST, _FARTHEST), values + change
+        mesh = mesh.moved(mesh.vertices + by[:, None] * mesh.normals)
         if progress:
-            progress(k + 1, len(BLURS))
-    placed = before.placed(values)
-    found = PictureEquations.of(mesh, blurred(BLURS[-1][0]).placed(values))
-    fair = FairSurface.of(mesh, neighbours, BEND_SIGMA)
-    sigma = _sigma(found, fair, before.covariance, rng)
-    return RefinedSurface(mesh, sigma, found.colors, found.looks, placed.mirrors)
+            progress(k + 1, len(STEPS))
+    found, fair = _equations(mesh, neighbours, blurred, STEPS[-1], values)
+    sigma = _sigma(found, fair, covariance, rng)
+    return RefinedSurface(mesh, sigma, found.colors, found.looks, before.placed(values).mirrors)
 
 
-def _moved(before: ShapeViews, values: NDArray, found: PictureEquations, step: NDArray) -> NDArray:
-    """Return what mirrors move by after a step of the surface; cameras are held. Shape (3 M,).
+def _equations(
+    mesh: TriangleMesh,
+    neighbours: Neighbours,
+    blurred: Callable[[float], ShapeViews],
+    step: Step,
+    values: NDArray,
+) -> tuple[PictureEquations, FairSurface]:
+    """Return what pictures and smoothness tell where surface and mirrors are now."""
+    views = blurred(step.levels).placed(values)
+    found = PictureEquations.of(mesh, views, blurred(step.slopes))
+    return found, FairSurface.of(mesh, neighbours, BEND_SIGMA)
 
-    Each moves by itself: what pictures tell of mirrors together they overstate, see `_sigma`.
+
+def _together(
+    before: ShapeViews, values: NDArray, found: PictureEquations, fair: FairSurface
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Return what surface and mirrors move by at once; cameras are held.
+
+    With A the information of the surface, C what couples it to the mirrors, V theirs, b and c what
+    the pictures ask both for, P the covariance of mirrors and cameras as the hand told them, m what
+    mirrors are off from that, and a = `_ALIKE`,
+
+        N = (V - C' A^-1 C) / a,    (N + P^-1) y = (c - C' A^-1 b) / a + P^-1 m,
+        d = A^-1 (b - C y)
+
+    N is of the mirrors alone: cameras err with them by P, and nothing is learned of cameras.
+
+    Returns:
+        Of the surface, shape (V,), of the mirrors, shape (3 M,), and the covariance (N + P^-1)^-1
+        of mirrors and cameras, shape (3 M + c, 3 M + c).
+    """
+    count = len(values)
+    right = np.column_stack([found.pull + fair.pull, found.coupling[:, :count]])
+    solved = fair.solved(found.own, right, _COUPLED)
+    alone, coupled = solved[:, 0], solved[:, 1:]
+    coupling = found.coupling[:, :count].T
+    known = inverse_of(before.covariance)
+    off = np.zeros(len(known))
+    off[:count] = before.values - values
+    pull = known @ off
+    known[:count, :count] += (found.values[:count, :count] - coupling @ coupled) / _ALIKE
+    pull[:count] += (found.values_pull[:count] - coupling @ alone) / _ALIKE
+    covariance = inverse_of(known)
+    change = (covariance @ pull)[:count]
+    return alone - coupled @ change, change, covariance
+
+
+def _apart(before: ShapeViews, values: NDArray, found: PictureEquations, step: NDArray) -> NDArray:
+    """Return what each mirror moves by after a step of the surface, by itself. Shape (3 M,).
+
+    Blurred pictures are wrong in all mirrors alike, by more than the hand is.
     """
     pull = found.values_pull - found.coupling.T @ step
     off, change = before.values - values, []
@@ -116,8 +190,7 @@ def _sigma(
 
         sigma^2 = chi^2 diag(A^-1) + diag(A^-1 C P C' A^-1)
 
-    P is what the hand tells. The pictures move the mirrors, too, but what they are wrong by is
-    alike in many places, so that they know less of what all mirrors have alike than they say.
+    P is what hand and pictures tell together.
 
     Args:
         found: What the pictures tell of the surface.

@@ -164,7 +164,7 @@ def _given() -> Table:
         ["what that shape is off by in all pictures", DERIVED_SHAPE],
         ["shape and colours of its links in stages 4 to 8", "given, by its description"],
         ["where its finger is on its hand, what may not be touched", "given, by its description"],
-        ["light of the room", "given, but for its brightness"],
+        ["light of the room", "given, but for its brightness and how the robot is turned in it"],
         ["what places of links are not known by", "learned, from looks at the unmarked body"],
         ["what colours are not known by", SET_COLOR],
         ["what the middle of a spot is not known by besides its fit", SET_MIDDLE],

@@ -67,6 +67,9 @@ class KnownBody:
     places: Mapping[str, Mirror] = field(default_factory=dict)
     """Where the mirrors stand, with covariances that count what the cameras may be wrong by. The
     model's mirrors fit the pictures as its cameras show them, wrong as these are."""
+    light: NDArray = field(default_factory=lambda: np.zeros(3))
+    """How the light is turned about the robot, a rotation vector in the model's world [rad].
+    Shape (3,)."""
 
     @property
     def X_WB(self) -> NDArray:
@@ -88,8 +91,9 @@ class KnownBody:
         return Mirror.from_values(self.model.mirrors[name].values)
 
     def pose(self, image: BodyImage) -> None:
-        """Let a robot's expectation of itself stand like that."""
+        """Let a robot's expectation of itself stand and be lit like that."""
         image.hold(self.angles, self.X_WB)
+        image.turn_light(self.light)
 
     def motions(self, image: BodyImage) -> tuple[tuple[BodyMotion, frozenset[str]], ...]:
         """Return how the body may stand elsewhere, and the links that each of it moves."""

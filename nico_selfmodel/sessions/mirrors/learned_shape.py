@@ -20,7 +20,7 @@ from nico_selfmodel.sessions.mirrors.before_pictures import mirrors_and_cameras
 from nico_selfmodel.sessions.mirrors.shape_looks import ShapeLooks
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.vision.images.body_outline import beyond_body, plain_color
-from nico_selfmodel.vision.images.image_array import smoothed
+from nico_selfmodel.vision.images.image_array import smoothed_within
 from nico_selfmodel.vision.images.stereo_depth import RectifiedPair
 
 _PITCH = 5e-3
@@ -31,10 +31,14 @@ _NEAREST = 0.3
 """What seems to be nearer in a mirror is not looked for [m]."""
 _INSIDE = -1.0
 """Depths count so far inside of the outline [px]."""
+_BODY = -0.5
+"""What is so far inside of the outline is not mixed with the room [px]."""
 _SHARE = 0.8
 """Of the way to a joint that a link's line goes."""
 FEWEST = 10
 """Pictures that must show a place, and those next to it, before its shape is claimed."""
+_VAGUE = 3e-3
+"""What is less well known is not claimed: smoothness alone holds it, as across a notch [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +131,11 @@ def learn_shape(
 
     @cache
     def blurred(sigma: float) -> ShapeViews:
-        smooth = [replace(v, picture=smoothed(v.picture, sigma)) for v in views.views]
+        # nan is not below 0: what is neither body nor room does not count.
+        smooth = [
+            replace(v, picture=smoothed_within(v.picture, v.beyond < _BODY, sigma))
+            for v in views.views
+        ]
         return replace(views, views=tuple(smooth))
 
     found = refine_surface(mesh, blurred, rng, telling(stage, "learning its shape"))
@@ -183,11 +191,11 @@ def _links(
 
 
 def claimed(found: RefinedSurface) -> NDArray:
-    """Return which vertices enough pictures show, and all of their neighbours, too. Shape (V,).
+    """Return which vertices are known, and shown by enough pictures as all about. Shape (V,).
 
     Where what is seen ends, a surface is held by smoothness from one side alone, and what hides it
     is near: vertices there are off by twice their sigma.
     """
     shown = (found.looks >= FEWEST) & np.isfinite(found.colors).all(axis=1)
     around = Neighbours.of(found.mesh).means(shown.astype(float))
-    return shown & (around == 1.0)
+    return shown & (around == 1.0) & (found.sigma < _VAGUE)

@@ -1,6 +1,6 @@
 """A Nico that looks at its head and chest in many mirrors, to learn their shape."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Sized
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -11,6 +11,8 @@ from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration, calibrate_mirrors
 from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import reflected_projection
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.sessions.mirrors.known_body import Shot
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
@@ -34,6 +36,9 @@ HAND_POSES = 4
 """In which the hand tells where each of them stands."""
 FEWEST_MIRRORS = 6
 """That a shape takes."""
+_VAGUE = 4.0
+"""A mirror in which it is less well known where the body is seen is left out: pictures are blurred
+by as much at first, and do not lead from farther away [px]."""
 _CHOICES = 200
 _CLEARANCE = 0.03
 """How far the arm's links keep from the glass [m]."""
@@ -114,12 +119,39 @@ def _enough(data: Dataset, known: Sequence[str]) -> Dataset:
     Raises:
         EstimationError: If they are too few for a shape.
     """
+    _require_enough(known)
+    return data.select(np.isin(data.mirror, known))
+
+
+def _require_enough(known: Sized) -> None:
+    """Raise an EstimationError if mirrors are too few for a shape."""
     if len(known) < FEWEST_MIRRORS:
         raise EstimationError(
             f"the hand was seen well enough in {len(known)} of {len(SHAPE_MIRRORS)} mirrors, a "
             f"shape takes {FEWEST_MIRRORS}"
         )
-    return data.select(np.isin(data.mirror, known))
+
+
+def well_told(rig: StereoRig, mirrors: Mapping[str, Mirror], p_WQ: NDArray) -> dict[str, Mirror]:
+    """Return the mirrors that are known well enough to find a body in them.
+
+    Args:
+        rig: The cameras.
+        mirrors: With covariances.
+        p_WQ: Places of the body [m]. Shape (N, 3).
+
+    Raises:
+        EstimationError: If they are too few for a shape.
+    """
+    found = {}
+    for name, mirror in mirrors.items():
+        assert mirror.covariance is not None, "a mirror that was learned has a covariance"
+        slopes = reflected_projection(rig.cameras, mirror.values, p_WQ).by_mirror
+        variance = np.einsum("nij,jk,nik->ni", slopes, mirror.covariance, slopes)
+        if variance.max() < _VAGUE**2:
+            found[name] = mirror
+    _require_enough(found)
+    return found
 
 
 def look_at_shape(

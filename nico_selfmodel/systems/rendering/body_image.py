@@ -15,6 +15,7 @@ from pydrake.systems.sensors import ImageDepth32F, ImageLabel16I
 
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflection
+from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
@@ -62,7 +63,8 @@ class BodyImage(Closable, LeafSystem):
 
     Depths are in metres, inf where nothing of the body is; those of a reflection go through the
     glass, to where it seems to be. The arm stands as it was learned; all other links, all shapes
-    and colours are those of the robot's description, and the light is the simulated room's. A
+    and colours are those of the robot's description, and the light is the simulated room's, which
+    stands as the robot does unless it is turned. A
     mirror shows the body as the reflected camera sees it (`mirror_camera`), and what of the body is
     before the glass hides it; the glass is taken to be as large as the picture. Close it after use:
     its renderer takes 50 MB.
@@ -93,9 +95,9 @@ class BodyImage(Closable, LeafSystem):
         )
         plant, own = self._built.plant, self._built.own_context(self.__context)
         root = plant.GetBodyByName(arm.links.root_link, self._built.instance)
-        add_renderer(
-            scene, glare=True, R_WR=plant.EvalBodyPoseInWorld(own, root).rotation().matrix()
-        )
+        self._R_WR = plant.EvalBodyPoseInWorld(own, root).rotation().matrix()
+        self._turn = np.zeros(3)
+        add_renderer(scene, glare=True, R_WR=self._R_WR)
         self.__context = diagram.CreateDefaultContext()  # which knows the renderer
         self._cameras = model.rig.cameras
         self._warps = [LensWarp.from_camera(camera, supersample) for camera in self._cameras]
@@ -171,6 +173,24 @@ class BodyImage(Closable, LeafSystem):
         if angles:
             self._built.move_joints(self.__context, angles, list(angles.values()))
         self._X_WB = np.eye(4) if X_WB is None else np.array(X_WB, dtype=float)
+
+    def turn_light(self, turn: ArrayLike) -> None:
+        """Let the light come from elsewhere than where the robot's root has it.
+
+        Args:
+            turn: Of the room's light about the robot, a rotation vector in the model's world [rad].
+                Shape (3,).
+
+        Raises:
+            RobotError: If it was closed.
+        """
+        self.require_open()
+        if np.array_equal(turn, self._turn):
+            return
+        self._last, self._turn = [None, None], np.array(turn, dtype=float)
+        context: Any = self.__scene.GetMyMutableContextFromRoot(self.__context)
+        turned = rotation_from_vector(turn) @ self._R_WR
+        add_renderer(self.__scene, glare=True, R_WR=turned, context=context)
 
     @property
     def _X_BW(self) -> NDArray:

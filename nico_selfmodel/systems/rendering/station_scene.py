@@ -69,6 +69,7 @@ def add_renderer(
     glare: bool = False,
     lamps: bool = False,
     R_WR: NDArray | None = None,
+    context: Context | None = None,
 ) -> None:
     """Add a renderer with lights that stand still in the room.
 
@@ -78,6 +79,7 @@ def add_renderer(
         glare: Whether a mirror before the robot throws light back at it.
         lamps: Whether lamps light what hangs about the robot.
         R_WR: How the room stands in the scene graph's world; as its robot if omitted. Shape (3, 3).
+        context: The scene graph's, if it takes the place of the one that it has there.
 
     Raises:
         RobotError: If nothing can be rendered here.
@@ -91,7 +93,12 @@ def add_renderer(
     ]
     parameters = RenderEngineVtkParams(default_clear_color=np.array(ROOM), lights=lights)
     check_renderer()
-    scene_graph.AddRenderer(name, MakeRenderEngineVtk(parameters))
+    renderer = MakeRenderEngineVtk(parameters)
+    if context is None:
+        scene_graph.AddRenderer(name, renderer)
+    else:
+        scene_graph.RemoveRenderer(context, name)
+        scene_graph.AddRenderer(context, name, renderer)
 
 
 def remove_scene(scene_graph: SceneGraph, name: str = RENDERER) -> None:

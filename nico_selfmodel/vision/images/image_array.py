@@ -6,6 +6,9 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.vision.images.picture_header import LARGEST_SIDE, SMALLEST_SIDE
 
+_NEAR = 1e-3
+"""Share of a Gaussian from which on what it covers tells a colour."""
+
 
 def as_gray(image: NDArray) -> NDArray:
     """Return an image in grey.
@@ -89,6 +92,24 @@ def reduced(gray: NDArray, most: int) -> tuple[NDArray, float]:
     height, width = (side // scale for side in gray.shape)
     whole = gray[: height * scale, : width * scale]
     return cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA), float(scale)
+
+
+def smoothed_within(picture: NDArray, inside: NDArray, sigma: float) -> NDArray:
+    """Return a picture blurred by a Gaussian in which only some pixels count [px], as floats.
+
+    Args:
+        picture: Shape (h, w, 3).
+        inside: Which count. Shape (h, w).
+        sigma: Of the Gaussian [px].
+
+    Returns:
+        0 where none of them is near. Shape (h, w, 3).
+    """
+    counts = inside.astype(np.float32)
+    share = smoothed(counts, sigma)
+    near = (share > _NEAR)[:, :, None]
+    total = smoothed(picture * counts[:, :, None], sigma)
+    return np.where(near, total / np.where(near, share[:, :, None], 1.0), 0.0)
 
 
 def smoothed(picture: NDArray, sigma: float) -> NDArray:
