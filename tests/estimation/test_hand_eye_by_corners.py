@@ -113,4 +113,4 @@ def test_turns_about_one_axis_before_corners_leave_a_direction_open():
 def test_a_flange_that_hardly_turned_before_corners_is_refused():
     _, data = recorded(np.random.default_rng(3))
     with pytest.raises(DataError, match="the flange hardly turned"):
-        calibrate_tree(replace(data, flanges=np.broadcast_to(data.flanges[:1], (25, 1, 6))))
+        calibrate_tree(replace(data, flanges=np.repeat(np.asarray(data.flanges)[:1], 25, axis=0)))
