@@ -61,7 +61,7 @@ def robust_camera_pose(
     for _ in range(draws):
         chosen = rng.choice(len(rays), FEWEST, replace=False)
         X = camera_pose(p_WQ[chosen], rays[chosen])
-        found = _agreeing(X, p_WQ, rays, within)
+        found = agreeing(X, p_WQ, rays, within)
         if found.sum() > agree.sum():
             best, agree = X, found
             if agree.mean() > 0.95:
@@ -69,14 +69,19 @@ def robust_camera_pose(
     for _ in range(3):
         if agree.sum() >= FEWEST:
             again = camera_pose(p_WQ[agree], rays[agree])
-            found = _agreeing(again, p_WQ, rays, within)
+            found = agreeing(again, p_WQ, rays, within)
             if found.sum() < agree.sum():
                 break
             best, agree = again, found
     return best, agree
 
 
-def _agreeing(X_WC: NDArray, p_WQ: NDArray, rays: NDArray, within: float) -> NDArray:
+def agreeing(X_WC: NDArray, p_WQ: NDArray, rays: NDArray, within: float) -> NDArray:
+    """Return which points a camera at X_WC sees along their rays. Boolean, shape (N,)."""
+    return np.asarray(cosines(X_WC, p_WQ, rays) > np.cos(within))
+
+
+def cosines(X_WC: NDArray, p_WQ: NDArray, rays: NDArray) -> NDArray:
+    """Return the cosines of the angles between rays and where their points are. Shape (N,)."""
     p = (p_WQ - X_WC[:3, 3]) @ X_WC[:3, :3]
-    length = np.maximum(np.linalg.norm(p, axis=1), 1e-12)
-    return np.asarray(np.sum(p * rays, axis=1) > np.cos(within) * length)
+    return np.asarray(np.sum(p * rays, axis=1) / np.maximum(np.linalg.norm(p, axis=1), 1e-12))

@@ -16,7 +16,8 @@ def hand_eye(
     """Learn where a sensor is from flange poses (AX = XB).
 
     Where its target is comes with it, both with error bars. The data set has a joint with `motion:
-    flange`, and a sensor that tells whole poses of a target.
+    flange`, and a sensor that tells whole poses of a target, or a camera on the flange that sees
+    corners at known places.
     """
     from nico_selfmodel.dataset.body.body_folder import load_body_dataset
     from nico_selfmodel.errors import DataError

@@ -36,8 +36,8 @@ def board_poses_seen(p_BQ: NDArray, rays: NDArray) -> tuple[NDArray, NDArray] | 
     if len(p) < FEWEST_CORNERS:
         return None
     middle = p.mean(axis=0)
-    size, axes = np.linalg.svd(p - middle, full_matrices=False)[1:]
-    if size[2] > _FLAT * size[0]:
+    axes = np.linalg.svd(p - middle, full_matrices=False)[2]
+    if not is_flat(p):
         if len(p) < FEWEST:
             return None
         X = inverse(camera_pose(p, rays))
@@ -49,6 +49,12 @@ def board_poses_seen(p_BQ: NDArray, rays: NDArray) -> tuple[NDArray, NDArray] | 
     except ValueError:  # on one line, or nearly across
         return None
     return pose @ inverse(X_BF), _tilted_back(pose) @ inverse(X_BF)
+
+
+def is_flat(p_BQ: NDArray) -> bool:
+    """Tell whether points lie in one plane. Shape (N, 3), N >= 3."""
+    size = np.linalg.svd(p_BQ - p_BQ.mean(axis=0), compute_uv=False)
+    return bool(size[2] <= _FLAT * size[0])
 
 
 def _tilted_back(X_CF: NDArray) -> NDArray:

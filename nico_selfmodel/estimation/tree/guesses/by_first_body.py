@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.sensors import POSES
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.tree.guesses.camera_guess import resected
 from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints
-from nico_selfmodel.estimation.tree.tree_observations import SensorRows
-from nico_selfmodel.geometry.rotation import nearest_rotation
+from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
+from nico_selfmodel.geometry.rotation import nearest_rotation, rotation_from_vector
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.tree.body_tree import WORLD, Attached, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
@@ -59,7 +60,7 @@ def with_others(
         expected = SeenPoints(pose, marker, motion.points(marker, pose))
         at = resected(left[name], tree.lenses[name], expected, name, rng)
         there.append(name)
-        tree = _with_sensor(tree, name, at)
+        tree = with_sensors(tree, {name: at})
 
 
 def _where_rays_meet(
@@ -119,7 +120,7 @@ def before_tracker(data: BodyDataset, tree: BodyTree, rows: SensorRows) -> BodyT
         )
 
     tree = replace(tree, X_PJ=X_PJ, markers=moved(tree.markers), sensors=moved(tree.sensors))
-    return _with_sensor(tree, rows.name, np.eye(4))
+    return with_sensors(tree, {rows.name: np.eye(4)})
 
 
 def with_tracker(data: BodyDataset, tree: BodyTree, rows: SensorRows) -> BodyTree:
@@ -134,12 +135,7 @@ def with_tracker(data: BodyDataset, tree: BodyTree, rows: SensorRows) -> BodyTre
         DataError: If the tracker's rows do not tell where it stands.
     """
     X_WS, _, places = _beside(data, tree, rows, sized=True)
-    return _with_sensor(_with_places(tree, places), rows.name, X_WS)
-
-
-def _with_sensor(tree: BodyTree, name: str, X_LA: NDArray) -> BodyTree:
-    moved = (replace(s, X_LA=X_LA) if s.name == name else s for s in tree.sensors)
-    return replace(tree, sensors=tuple(moved))
+    return with_sensors(_with_places(tree, places), {rows.name: X_WS})
 
 
 def _with_places(tree: BodyTree, places: Mapping[int, NDArray]) -> BodyTree:
@@ -196,3 +192,32 @@ def _beside(
     found = np.asarray(found)
     places = found[3:].reshape(-1, 3)
     return transform(R, found[:3]), float(scale), dict(zip(seen.tolist(), places, strict=True))
+
+
+def with_sensors(tree: BodyTree, places: Mapping[str, NDArray]) -> BodyTree:
+    """Return a body with sensors of some names at X_LA. Shape (4, 4) each."""
+    return replace(
+        tree,
+        sensors=tuple(replace(s, X_LA=places.get(s.name, s.X_LA)) for s in tree.sensors),
+    )
+
+
+def with_orientations(
+    data: BodyDataset, tree: BodyTree, observations: TreeObservations
+) -> BodyTree:
+    """Turn markers as the measured orientations ask for, R_LM = mean of R_WL' R_WS R_measured."""
+    motion = TreeMotion.at(tree, data.si_readings, data.X_flange)
+    markers, places = list(tree.markers), {s.name: s for s in tree.sensors}
+    for rows in observations.sensors:
+        if rows.kind != POSES:
+            continue
+        R_WS = motion.pose_of(places[rows.name])[0]
+        for m in np.unique(rows.marker).tolist():
+            own = np.flatnonzero(rows.marker == m)
+            pose = rows.pose[own]
+            R_WL = motion.R_WL[markers[m].on][:, :, pose].transpose(2, 0, 1)
+            R_SM = rotation_from_vector(rows.measured[own, 3:])
+            R = np.swapaxes(R_WL, 1, 2) @ R_WS[:, :, pose].transpose(2, 0, 1) @ R_SM
+            turned = nearest_rotation(np.median(R, axis=0))
+            markers[m] = replace(markers[m], X_LA=transform(turned, markers[m].X_LA[:3, 3]))
+    return tree.with_markers(tuple(markers))

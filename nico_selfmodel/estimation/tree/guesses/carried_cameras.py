@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import CAMERA, MarkerInfo
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.tree.boards.board_pose import board_poses_seen, is_flat
 from nico_selfmodel.estimation.tree.guesses.camera_guess import together
 from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints, body_from_points
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
-from nico_selfmodel.geometry.resection import FEWEST, robust_camera_pose
+from nico_selfmodel.geometry.resection import FEWEST, agreeing, cosines, robust_camera_pose
 from nico_selfmodel.geometry.rotation import nearest_rotation
-from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.tree.body_tree import Attached, BodyTree
 from nico_selfmodel.names import listed
 
@@ -35,7 +36,7 @@ _LEAST_ANGLE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class _Placed:
+class PlacedCamera:
     """Where a camera was at the samples at which it saw enough known markers."""
 
     rows: SensorRows
@@ -61,7 +62,9 @@ def body_from_carried_cameras(
     _check_seen(data, blank)
     rng = np.random.default_rng((seed, 5))
     placed = [
-        _resected(data, blank, rows, rng) for rows in observations.sensors if rows.kind == CAMERA
+        placed_by_known(data, blank, rows, rng)
+        for rows in observations.sensors
+        if rows.kind == CAMERA
     ]
     sensors = [blank.sensors[_sensor(blank, data, item.rows)] for item in placed]
     first = len(blank.markers)
@@ -107,10 +110,20 @@ def _sensor(tree: BodyTree, data: BodyDataset, rows: SensorRows) -> int:
     return [s.name for s in tree.sensors].index(rows.name)
 
 
-def _resected(
+def placed_by_known(
     data: BodyDataset, blank: BodyTree, rows: SensorRows, rng: np.random.Generator
-) -> _Placed:
-    """Place a camera at every sample at which it saw enough known markers."""
+) -> PlacedCamera:
+    """Place a camera at every sample at which it saw enough markers of known place in the room.
+
+    Args:
+        data: The recording.
+        blank: The body with its lenses and the places of known markers.
+        rows: What the camera saw.
+        rng: Of the draws.
+
+    Raises:
+        DataError: If there are fewer than six such samples.
+    """
     known = np.array([m.xyz is not None and m.on == "world" for m in data.markers])
     places = np.array([m.X_LA[:3, 3] for m in blank.markers])
     name = rows.name
@@ -123,19 +136,30 @@ def _resected(
         if len(own) < FEWEST:
             continue
         p = places[rows.marker[own]]
-        X, agree = robust_camera_pose(p, rays[own], _WITHIN, rng, _DRAWS)
+        X, agree = _pose_before(p, rays[own], rng)
         if agree.sum() >= FEWEST:
             found[sample] = X
     if len(found) < FEWEST:
         raise DataError(
             f"camera {name!r} saw {FEWEST} of the markers at known places in {len(found)} samples, "
-            f"{FEWEST} samples are needed at least: let it look at them from more poses, and let "
-            "them not lie in one plane"
+            f"{FEWEST} samples are needed at least: let it look at them from more poses"
         )
-    return _Placed(rows, found)
+    return PlacedCamera(rows, found)
 
 
-def _corners(item: _Placed, first: int) -> SeenPoints:
+def _pose_before(p: NDArray, rays: NDArray, rng: np.random.Generator) -> tuple[NDArray, NDArray]:
+    """Return X_WC of a camera before known points, which may be a flat board's, and who agrees."""
+    flat = board_poses_seen(p, rays) if is_flat(p) else None
+    if flat is None:
+        return robust_camera_pose(p, rays, _WITHIN, rng, _DRAWS)
+    two = [
+        (X, agreeing(X, p, rays, _WITHIN), cosines(X, p, rays).sum()) for X in map(inverse, flat)
+    ]
+    X, agree, _ = max(two, key=lambda one: (one[1].sum(), one[2]))
+    return X, agree
+
+
+def _corners(item: PlacedCamera, first: int) -> SeenPoints:
     """Return the points that stand for a camera, where it was."""
     samples = np.array(list(item.X_WC))
     X = np.array(list(item.X_WC.values()))
@@ -158,18 +182,22 @@ def reconstructed_by(
         seen: What the cameras saw.
         places: X_WC by name. Shape (4, 4) each.
     """
-    placed = [_Placed(rows, dict.fromkeys(rows.pose.tolist(), places[rows.name])) for rows in seen]
+    placed = [
+        PlacedCamera(rows, dict.fromkeys(rows.pose.tolist(), places[rows.name])) for rows in seen
+    ]
     return _reconstructed_by_all(data, blank, placed)
 
 
 def _reconstructed_by_all(
-    data: BodyDataset, blank: BodyTree, placed: Sequence[_Placed]
+    data: BodyDataset, blank: BodyTree, placed: Sequence[PlacedCamera]
 ) -> SeenPoints:
     pairs = [(a, b) for i, a in enumerate(placed) for b in placed[i + 1 :]]
     return _all_of([_reconstructed(data, blank, a, b) for a, b in pairs])
 
 
-def _reconstructed(data: BodyDataset, blank: BodyTree, a: _Placed, b: _Placed) -> SeenPoints:
+def _reconstructed(
+    data: BodyDataset, blank: BodyTree, a: PlacedCamera, b: PlacedCamera
+) -> SeenPoints:
     """Return markers of unknown place that two cameras saw at once, in the middle of their rays."""
     i, j = together(a.rows, b.rows)
     unknown = np.array([m.xyz is None for m in data.markers])[a.rows.marker[i]]

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,9 @@ from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES,
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.tree.guesses.by_first_body import (
     before_tracker,
+    with_orientations,
     with_others,
+    with_sensors,
     with_tracker,
 )
 from nico_selfmodel.estimation.tree.guesses.camera_guess import (
@@ -25,16 +28,16 @@ from nico_selfmodel.estimation.tree.guesses.carried_cameras import (
     body_from_carried_cameras,
     reconstructed_by,
 )
-from nico_selfmodel.estimation.tree.guesses.hand_eye import HandEye
+from nico_selfmodel.estimation.tree.guesses.flange_guess import from_flange
 from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints, body_from_points
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_setup import Description
 from nico_selfmodel.geometry.alignment import Alignment
 from nico_selfmodel.geometry.resection import FEWEST
-from nico_selfmodel.geometry.rotation import nearest_rotation, rotation_from_vector
 from nico_selfmodel.geometry.transform import inverse, transform
-from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, BodyTree
+from nico_selfmodel.model.tree.body_tree import FLANGE, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
+from nico_selfmodel.names import listed
 
 _TRIES = 4
 """Searches from nothing at most; two that agree end it."""
@@ -73,7 +76,7 @@ def first_bodies(
                 yield "cameras all around", tree
         return
     if any(joint.motion == FLANGE for joint in data.joints):
-        yield "hand-eye", _from_flange(data, blank, observations)
+        yield "hand-eye", from_flange(data, blank, observations, seed)
         return
     for attempt in range(_TRIES):
         drawn = seed + 1000 * attempt
@@ -95,7 +98,7 @@ def _from_nothing(
     cameras = {r.name: r for r in standing if r.kind == CAMERA}
     if trackers:
         tree = _by_trackers(data, blank, trackers, cameras, seed)
-        return _with_orientations(data, tree, observations)
+        return with_orientations(data, tree, observations)
     if len(cameras) >= 2 and set(cameras) <= set(standing_at):
         places = dict(standing_at)
         points = reconstructed_by(data, blank, tuple(cameras.values()), places)
@@ -110,12 +113,24 @@ def _from_nothing(
             "description, or record with two cameras or a tracker, too"
         )
     else:
-        raise DataError(
-            "one camera alone cannot tell a body from nothing: give the robot's description, "
-            "whose lengths tell it, or record with two cameras or a tracker"
-        )
+        _refuse_cameras(data, cameras)
     tree = _by_cameras(data, blank, cameras, places, points, seed)
-    return _with_orientations(data, tree, observations)
+    return with_orientations(data, tree, observations)
+
+
+def _refuse_cameras(data: BodyDataset, standing: Mapping[str, SensorRows]) -> NoReturn:
+    """Say why cameras cannot tell a body from nothing."""
+    carried = [s.name for s in data.sensors if s.kind == CAMERA and s.name not in standing]
+    if carried:
+        raise DataError(
+            f"{listed(carried)} move with the body, and nothing tells where they were: let them "
+            "see six markers or more whose places in the room are known (xyz), or give the "
+            "robot's description"
+        )
+    raise DataError(
+        "one camera alone cannot tell a body from nothing: give the robot's description, "
+        "whose lengths tell it, or record with two cameras or a tracker"
+    )
 
 
 def _by_cameras(
@@ -136,7 +151,7 @@ def _by_cameras(
         points: Markers in space.
         seed: Of what is drawn.
     """
-    tree = body_from_points(data, _with_sensors(blank, places), points, seed, sized=False)
+    tree = body_from_points(data, with_sensors(blank, places), points, seed, sized=False)
     return with_others(data, tree, cameras, list(places), np.unique(points.marker), seed)
 
 
@@ -221,79 +236,6 @@ def _scale(data: BodyDataset, points: SeenPoints) -> float:
     return 0.3 / float(np.sqrt(np.var(points.p_WM, axis=0).sum()))
 
 
-def _with_sensors(tree: BodyTree, places: Mapping[str, NDArray]) -> BodyTree:
-    return replace(
-        tree,
-        sensors=tuple(replace(s, X_LA=places.get(s.name, s.X_LA)) for s in tree.sensors),
-    )
-
-
-def _with_orientations(
-    data: BodyDataset, tree: BodyTree, observations: TreeObservations
-) -> BodyTree:
-    """Turn markers as the measured orientations ask for, R_LM = mean of R_WL' R_WS R_measured."""
-    motion = TreeMotion.at(tree, data.si_readings, data.X_flange)
-    markers, places = list(tree.markers), {s.name: s for s in tree.sensors}
-    for rows in observations.sensors:
-        if rows.kind != POSES:
-            continue
-        R_WS = motion.pose_of(places[rows.name])[0]
-        for m in np.unique(rows.marker).tolist():
-            own = np.flatnonzero(rows.marker == m)
-            pose = rows.pose[own]
-            R_WL = motion.R_WL[markers[m].on][:, :, pose].transpose(2, 0, 1)
-            R_SM = rotation_from_vector(rows.measured[own, 3:])
-            R = np.swapaxes(R_WL, 1, 2) @ R_WS[:, :, pose].transpose(2, 0, 1) @ R_SM
-            turned = nearest_rotation(np.median(R, axis=0))
-            markers[m] = replace(markers[m], X_LA=transform(turned, markers[m].X_LA[:3, 3]))
-    return tree.with_markers(tuple(markers))
-
-
-def _from_flange(data: BodyDataset, blank: BodyTree, observations: TreeObservations) -> BodyTree:
-    """Return a body of one flange whose target a sensor tells in whole poses, or in points."""
-    (flange,) = [i for i, joint in enumerate(data.joints) if joint.motion == FLANGE][:1]
-    tree = blank
-    for rows in observations.sensors:
-        if rows.kind != POSES:
-            continue
-        info = data.sensors[rows.sensor]
-        m = int(np.bincount(rows.marker).argmax())
-        own = rows.marker == m
-        F = data.X_flange[rows.pose[own], flange]
-        M = transform(rotation_from_vector(rows.measured[own, 3:]), rows.measured[own, :3])
-        on_hand = blank.markers[m].on != WORLD
-        found = HandEye.from_poses(F, M if on_hand else inverse(M))
-        # On the hand F X = Z M; a sensor on the hand that sees the world: F X M = Z.
-        at, sensor_at = (found.X, found.Z) if on_hand else (found.Z, found.X)
-        markers = list(tree.markers)
-        markers[m] = replace(markers[m], X_LA=at)
-        tree = _with_sensors(tree.with_markers(tuple(markers)), {info.name: sensor_at})
-        return _other_markers(data, tree, observations)
-    raise DataError(
-        "a flange's hand-eye calibration needs a sensor that tells whole poses of a target "
-        "(kind 'poses'), such as a board's or a tag's"
-    )
-
-
-def _other_markers(data: BodyDataset, tree: BodyTree, observations: TreeObservations) -> BodyTree:
-    """Place markers that a sensor of known place measured in space."""
-    motion = TreeMotion.at(tree, data.si_readings, data.X_flange)
-    markers, places = list(tree.markers), {s.name: s for s in tree.sensors}
-    for rows in observations.sensors:
-        if rows.kind not in (POSES, POINTS):
-            continue
-        R_WS, p_WS = motion.pose_of(places[rows.name])
-        for m in np.unique(rows.marker).tolist():
-            own = rows.marker == m
-            pose = rows.pose[own]
-            p = np.einsum("ijn,nj->ni", R_WS[:, :, pose], rows.measured[own, :3]) + p_WS[:, pose].T
-            R_WL = motion.R_WL[markers[m].on][:, :, pose].transpose(2, 0, 1)
-            local = p - motion.p_WL[markers[m].on][:, pose].T
-            at = np.median((np.swapaxes(R_WL, 1, 2) @ local[:, :, None])[:, :, 0], axis=0)
-            markers[m] = replace(markers[m], X_LA=transform(markers[m].X_LA[:3, :3], at))
-    return _with_orientations(data, tree.with_markers(tuple(markers)), observations)
-
-
 def _described(
     data: BodyDataset, description: Description, observations: TreeObservations, seed: int
 ) -> BodyTree:
@@ -320,7 +262,7 @@ def _described(
         else:
             found = Alignment.from_points(rows.measured[:, :3], p_LM)
             places[info.name] = transform(found.rotation, found.translation)
-    return _with_orientations(data, _with_sensors(tree, places), observations)
+    return with_orientations(data, with_sensors(tree, places), observations)
 
 
 def _pose(motion: TreeMotion, link: int, pose: NDArray) -> NDArray:

@@ -1,0 +1,116 @@
+"""A first body of one flange, whose pose a controller tells: hand-eye calibration."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
+from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.tree.guesses.by_first_body import (
+    with_orientations,
+    with_others,
+    with_sensors,
+)
+from nico_selfmodel.estimation.tree.guesses.carried_cameras import placed_by_known
+from nico_selfmodel.estimation.tree.guesses.hand_eye import HandEye
+from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.transform import inverse, transform
+from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, BodyTree
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
+
+
+def from_flange(
+    data: BodyDataset, blank: BodyTree, observations: TreeObservations, seed: int
+) -> BodyTree:
+    """Return a body of one flange whose target a sensor tells in whole poses, or by its corners.
+
+    Args:
+        data: The recording.
+        blank: The body with nothing known of its geometry but known markers and lenses.
+        observations: What was measured.
+        seed: Of the draws.
+
+    Raises:
+        DataError: If no sensor tells a target, or poses hardly turn.
+    """
+    (flange,) = [i for i, joint in enumerate(data.joints) if joint.motion == FLANGE][:1]
+    for rows in observations.sensors:
+        if rows.kind == POSES:
+            return _by_target(data, blank, observations, rows, flange)
+    cameras = [
+        rows
+        for rows in observations.sensors
+        if rows.kind == CAMERA and data.on_link(data.sensors[rows.sensor].on) == flange
+    ]
+    if cameras and any(m.xyz is not None and m.on == WORLD_NAME for m in data.markers):
+        return _by_corners(data, blank, cameras, flange, seed)
+    raise DataError(
+        "a flange's hand-eye calibration needs a sensor that tells whole poses of a target (kind "
+        "'poses'), such as a board's or a tag's, or a camera on the flange that sees corners at "
+        "known places in the room (xyz)"
+    )
+
+
+def _by_target(
+    data: BodyDataset,
+    tree: BodyTree,
+    observations: TreeObservations,
+    rows: SensorRows,
+    flange: int,
+) -> BodyTree:
+    """Return a body by whole poses of the target that was seen most."""
+    info = data.sensors[rows.sensor]
+    m = int(np.bincount(rows.marker).argmax())
+    own = rows.marker == m
+    F = data.X_flange[rows.pose[own], flange]
+    M = transform(rotation_from_vector(rows.measured[own, 3:]), rows.measured[own, :3])
+    on_hand = tree.markers[m].on != WORLD
+    found = HandEye.from_poses(F, M if on_hand else inverse(M))
+    # On the hand F X = Z M; a sensor on the hand that sees the world: F X M = Z.
+    at, sensor_at = (found.X, found.Z) if on_hand else (found.Z, found.X)
+    markers = list(tree.markers)
+    markers[m] = replace(markers[m], X_LA=at)
+    tree = with_sensors(tree.with_markers(tuple(markers)), {info.name: sensor_at})
+    return _other_markers(data, tree, observations)
+
+
+def _by_corners(
+    data: BodyDataset, tree: BodyTree, cameras: Sequence[SensorRows], flange: int, seed: int
+) -> BodyTree:
+    """Return a body by cameras on the flange that saw corners at known places in the room.
+
+    With F the flange in its base B, X_BW (X_WC) = F X: the room takes the target's part.
+    """
+    rng, X_PJ, places = np.random.default_rng((seed, 5)), np.array(tree.X_PJ), {}
+    for rows in cameras:
+        placed = placed_by_known(data, tree, rows, rng).X_WC
+        F = data.X_flange[list(placed), flange]
+        found = HandEye.from_poses(F, np.array(list(placed.values())))
+        places[rows.name] = found.X
+        X_PJ[flange] = inverse(found.Z)
+    tree = replace(with_sensors(tree, places), X_PJ=X_PJ)
+    known = np.flatnonzero([m.xyz is not None for m in data.markers])
+    return with_others(data, tree, {r.name: r for r in cameras}, list(places), known, seed)
+
+
+def _other_markers(data: BodyDataset, tree: BodyTree, observations: TreeObservations) -> BodyTree:
+    """Place markers that a sensor of known place measured in space."""
+    motion = TreeMotion.at(tree, data.si_readings, data.X_flange)
+    markers, places = list(tree.markers), {s.name: s for s in tree.sensors}
+    for rows in observations.sensors:
+        if rows.kind not in (POSES, POINTS):
+            continue
+        R_WS, p_WS = motion.pose_of(places[rows.name])
+        for m in np.unique(rows.marker).tolist():
+            own = rows.marker == m
+            pose = rows.pose[own]
+            p = np.einsum("ijn,nj->ni", R_WS[:, :, pose], rows.measured[own, :3]) + p_WS[:, pose].T
+            R_WL = motion.R_WL[markers[m].on][:, :, pose].transpose(2, 0, 1)
+            local = p - motion.p_WL[markers[m].on][:, pose].T
+            at = np.median((np.swapaxes(R_WL, 1, 2) @ local[:, :, None])[:, :, 0], axis=0)
+            markers[m] = replace(markers[m], X_LA=transform(markers[m].X_LA[:3, :3], at))
+    return with_orientations(data, tree.with_markers(tuple(markers)), observations)

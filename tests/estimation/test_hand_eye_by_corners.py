@@ -1,0 +1,116 @@
+"""A camera on a flange whose pose a controller tells, before corners of known place in the room."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset, ObservationTable
+from nico_selfmodel.dataset.body.link_joint import LinkJoint
+from nico_selfmodel.dataset.body.sensors import MarkerInfo, SensorInfo
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vectors_of
+from nico_selfmodel.geometry.transform import apply, inverse, transform
+
+from .simulated_trees import LENS, looking_at, turned
+
+CORNERS = 0.03 * np.array([[i, j, 0.0] for i in range(7) for j in range(5)])
+PIXEL, TURN, SHIFT = 0.3, np.radians(0.05), 3e-4
+
+
+def recorded(rng, poses=25, known=True, one_axis=False):
+    """A board in the room, and a camera on a flange whose poses are off by 0.05 deg and 0.3 mm."""
+    X_FC, X_BW = turned(rng, 60.0, 90.0), turned(rng, 40.0, 700.0)
+    eyes = [0.09, 0.06, -0.5] + 0.15 * rng.normal(size=(poses, 3))
+    X_WC = np.stack([looking_at(eye, [0.09, 0.06, 0.0]) for eye in eyes])
+    if one_axis:
+        X_WC[:, :3, :3] = X_WC[0, :3, :3] @ rotation_from_vector(np.outer(eyes[:, 0], [0, 0, 3.0]))
+    else:
+        rolled = rotation_from_vector(0.2 * rng.normal(size=(poses, 3)))
+        X_WC = X_WC @ transform(rolled, np.zeros(3))
+    F = X_BW @ X_WC @ inverse(X_FC)
+    told = F @ transform(
+        rotation_from_vector(TURN * rng.normal(size=(poses, 3))),
+        SHIFT * rng.normal(size=(poses, 3)),
+    )
+    rows = []
+    for pose, X in enumerate(X_WC):
+        uv = LENS.at(np.eye(4)).project(apply(inverse(X), CORNERS))
+        uv = uv + PIXEL * rng.normal(size=uv.shape)
+        seen = np.isfinite(uv).all(axis=1) & ((uv > 0.0) & (uv < LENS.image_size)).all(axis=1)
+        rows += [(pose, corner, *uv[corner]) for corner in np.flatnonzero(seen)]
+    pose, corner, u, v = np.array(rows).T
+    values = np.full((len(rows), 6), np.nan)
+    values[:, 0], values[:, 1] = u, v
+    zero = np.zeros(len(rows), dtype=int)
+    markers = tuple(
+        MarkerInfo(f"c{k}", "world", tuple(xyz) if known else None)
+        for k, xyz in enumerate(CORNERS.tolist())
+    )
+    info = SensorInfo(
+        "camera",
+        "camera",
+        on="tcp",
+        image_size=LENS.image_size,
+        lens=dict(LENS.named_values),
+    )
+    data = BodyDataset(
+        "hand-eye",
+        (LinkJoint("tcp", motion="flange", encoder_unit="pose"),),
+        markers,
+        (info,),
+        np.arange(poses),
+        np.full((poses, 1), np.nan),
+        ObservationTable(pose.astype(int), zero, corner.astype(int), zero - 1, values),
+        np.hstack([told[:, :3, 3], rotation_vectors_of(told[:, :3, :3])])[:, None],
+    )
+    return X_FC, data
+
+
+def error_of(found, X_FC):
+    camera = found.tree.sensors[0]
+    error = camera.X_LA[:3, 3] - X_FC[:3, 3]
+    index = [found.uncertainty.names.index(f"camera.{axis}") for axis in "xyz"]
+    C = found.uncertainty.covariance[np.ix_(index, index)]
+    return error, float(error @ np.linalg.solve(C, error)) / 3.0
+
+
+def test_a_camera_on_a_flange_is_placed_by_the_corners_it_sees():
+    X_FC, data = recorded(np.random.default_rng(1), poses=30)
+    first = np.arange(30) < 20
+    found = calibrate_tree(data.select(first), test=data.select(~first))
+    verdict = judge(found)
+    assert verdict.status == "PASS", verdict.reasons
+    error, score = error_of(found, X_FC)
+    assert np.linalg.norm(error) < 1e-3
+    assert score < 4.0
+
+
+@pytest.mark.slow
+def test_the_place_of_a_camera_on_a_flange_is_as_sure_as_it_says():
+    scores = []
+    for seed in range(100, 130):
+        X_FC, data = recorded(np.random.default_rng(seed), poses=20)
+        scores.append(error_of(calibrate_tree(data), X_FC)[1])
+    assert 0.7 < np.mean(scores) < 1.4
+
+
+def test_corners_nobody_knows_the_places_of_do_not_tell_a_hand_eye_calibration():
+    _, data = recorded(np.random.default_rng(2), known=False)
+    with pytest.raises(DataError, match="a camera on the flange that sees corners at known places"):
+        calibrate_tree(data)
+
+
+def test_turns_about_one_axis_before_corners_leave_a_direction_open():
+    _, data = recorded(np.random.default_rng(4), one_axis=True)
+    verdict = judge(calibrate_tree(data))
+    assert verdict.status == "FAIL"
+    assert verdict.reasons[0].startswith("all turns of 'tcp' are about one axis")
+
+
+def test_a_flange_that_hardly_turned_before_corners_is_refused():
+    _, data = recorded(np.random.default_rng(3))
+    with pytest.raises(DataError, match="the flange hardly turned"):
+        calibrate_tree(replace(data, flanges=np.repeat(np.asarray(data.flanges)[:1], 25, axis=0)))
