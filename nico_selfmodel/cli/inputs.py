@@ -144,20 +144,10 @@ def arms_named(arms: str | None) -> tuple[str, ...]:
     return _ARMS[arms]
 
 
-def cameras_of(path: Path | None, what: str) -> "StereoRig | None":
-    """Load calibrated cameras, where they were named; `what` is done with them, for errors.
-
-    Raises:
-        ModelError: If their lenses are no polynomials.
-    """
-    from nico_selfmodel.model.cameras.camera import require_polynomial
-    from nico_selfmodel.model.self_model_file import load_model
-
-    if path is None:
-        return None
-    rig = load_model(path).rig
-    require_polynomial(rig.cameras, what)
-    return rig
+def cameras_of(path: Path | None) -> "StereoRig | None":
+    """Load calibrated cameras, where they were named."""
+    model = model_of(path)
+    return None if model is None else model.rig
 
 
 def poses_of(path: Path | None, joints: tuple[str, ...]) -> "NDArray | None":

@@ -121,17 +121,22 @@ def _glasses(rng, count, X_WB, cosine):
     return None
 
 
-def before_two_cameras(seed, boards=12, sigma=0.2, mirrors=()):
+IN_VIEW = ([-0.05, -0.12, 0.5], [0.25, 0.12, 0.8])
+"""Least and largest place of a board that both cameras see."""
+
+
+def before_two_cameras(seed, boards=12, sigma=0.2, mirrors=(), lens=LENS, places=IN_VIEW):
     """Boards before two cameras, and what mirrors show of them."""
     rng = np.random.default_rng(seed)
     turn = rotation_from_vector([0.02, -0.25, 0.01])
-    cameras = (LENS, LENS.at(transform(turn, [0.25, 0.01, 0.03])))
+    cameras = (lens, lens.at(transform(turn, [0.25, 0.01, 0.03])))
     turns = rotation_from_vector(rng.normal(0.0, 0.4, (boards, 3)))
-    X_WB = transform(turns, rng.uniform([-0.05, -0.12, 0.5], [0.25, 0.12, 0.8], (boards, 3)))
+    X_WB = transform(turns, rng.uniform(*places, (boards, 3)))
     seen = pictures(X_WB, mirrors, cameras, rng, sigma, FEW_CORNERS)
+    kept = np.isfinite(seen).any(axis=(1, 2, 3, 4))
     names = [f"m{i}" for i in range(len(mirrors))]
-    data = recorded(FEW_CORNERS, seen, names, LENS.image_size, cameras=("camera0", "camera1"))
-    return Held(data, X_WB, mirrors, cameras)
+    data = recorded(FEW_CORNERS, seen[kept], names, lens.image_size, cameras=("camera0", "camera1"))
+    return Held(data, X_WB[kept], mirrors, cameras)
 
 
 def shape_mm(learned, true, seed=0):

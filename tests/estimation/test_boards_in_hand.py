@@ -26,6 +26,7 @@ from nico_selfmodel.estimation.tree.tree_result import body_model
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, inverse, transform
+from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_model import load_body, save_body
 from nico_selfmodel.model.tree.free_joints import body_alone
 from nico_selfmodel.model.tree.standing_mirror import StandingMirror
@@ -78,6 +79,27 @@ def test_two_cameras_of_unknown_lens_and_a_mirror_are_learned_with_honest_sigmas
         assert 0.0 < table[name].sigma < (1.0 if "f" in name else 1e-3)
     assert learned.solution.noise.sensor == pytest.approx(0.2, rel=0.1)
     assert not learned.solution.outliers.any()
+
+
+WIDE = {
+    "fisheye": {"k1": 0.02, "k2": -0.01, "k3": 0.003, "k4": -0.0005},
+    "rational": {"k1": 0.8, "k2": 0.12, "k3": 0.002, "k4": 1.1, "k5": 0.3, "k6": 0.02},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", WIDE)
+def test_boards_in_mirrors_tell_wide_lenses(kind):
+    lens = Camera(430.0, 428.0, 645.0, 472.0, (1280, 960), lens=kind, **WIDE[kind])
+    near = ([-0.35, -0.3, 0.25], [0.5, 0.3, 0.6])
+    held = before_two_cameras(5, 40, 0.1, mirrors=(WALL,), lens=lens, places=near)
+    found = calibrate_tree(held.data)
+    assert found.tree.lenses["camera0"].lens != "polynomial"
+    mirror = found.tree.mirror("m0")
+    assert np.degrees(np.arccos(mirror.plane.normal @ WALL.normal)) < 0.03
+    assert abs(mirror.plane.offset - WALL.offset) < 5e-4
+    assert_allclose(found.tree.sensors[1].X_LA, held.cameras[1].X_WC, atol=1e-3)
+    assert found.solution.noise.sensor == pytest.approx(0.1, rel=0.1)
 
 
 def test_where_boards_are_does_not_move_with_where_the_search_for_them_begins(mirrored, learned):

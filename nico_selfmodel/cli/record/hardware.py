@@ -130,7 +130,7 @@ def record_hardware(request: "Request", hardware: Hardware) -> "Dataset":
         request.sensor, config.joint_infos, request.circle, request.random, rng, table,
         _arm(hardware, config),
     )  # fmt: skip
-    rig = inputs.cameras_of(request.cameras, "recording")
+    rig = inputs.cameras_of(request.cameras)
     return run_hardware(planned, config, request, hardware, rig)
 
 

@@ -50,7 +50,7 @@ def record_boards(request: "Request", world: "Imperfections", count: int) -> Non
 def _by_cameras(request: "Request", world: "Imperfections") -> "Dataset":
     from nico_selfmodel.sessions.camera_scenario import MARKERS, RenderedNico
 
-    rig = inputs.cameras_of(request.cameras, "recording")
+    rig = inputs.cameras_of(request.cameras)
     nico = RenderedNico(world, request.seed, (MARKERS[request.sensor],))
     with printer.progress_bar() as progress:
         return nico.record(

@@ -102,7 +102,7 @@ def _known_parts(
         body = load_body(request.cameras)
         return arms_among(body.tree.joints), dict(body.tree.lenses), body
     chosen = inputs.arms_named(arms)
-    rig = inputs.cameras_of(request.cameras, "recording")
+    rig = inputs.cameras_of(request.cameras)
     if rig is None:
         raise ValueError(
             "--head needs --cameras, whose lenses tell where markers are: what `calibrate stereo` "

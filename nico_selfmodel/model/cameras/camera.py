@@ -1,6 +1,6 @@
 """A camera: intrinsic matrix, lens distortion and pose, with every derivative in closed form."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.arrays import frozen_array
-from nico_selfmodel.errors import ImpossibleModelError, ModelError
+from nico_selfmodel.errors import ImpossibleModelError
 from nico_selfmodel.geometry.rotation import skew
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.cameras.lens_models import FisheyeLens, Lens, RadialLens
@@ -290,24 +290,6 @@ class Camera:
         u, v = np.moveaxis(pixels, -1, 0)
         y = (v - self.cy) / self.fy
         return np.stack([(u - self.cx - self.skew * y) / self.fx, y])
-
-
-def require_polynomial(cameras: Iterable[Camera], what: str) -> None:
-    """Refuse cameras whose lenses are others than polynomials.
-
-    Args:
-        cameras: They.
-        what: What knows no others, for the message.
-
-    Raises:
-        ModelError: If one has another lens.
-    """
-    other = [camera.lens for camera in cameras if camera.lens != POLYNOMIAL]
-    if other:
-        raise ModelError(
-            f"{what} knows polynomial lenses alone, got a {other[0]} lens: learn the cameras with "
-            "`--lens polynomial`, or straighten the photographs first"
-        )
 
 
 def _points(points: ArrayLike, columns: int, name: str) -> NDArray:
