@@ -19,7 +19,7 @@ from nico_selfmodel.estimation.noise.variance_components import (
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
-from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, WHOLE_POSES
+from nico_selfmodel.model.tree.body_tree import FLANGE, FREE
 from nico_selfmodel.optimization.losses import Loss, robust_scale
 from nico_selfmodel.optimization.uncertainty import covariance_told_by
 
@@ -264,6 +264,7 @@ def _variances(
     start: TreeNoise,
     information: NDArray,
 ) -> Variances:
+    """Return the likeliest: joints of one kind alike, or each limb's where that is decisive."""
     residuals = LinearResiduals(
         groups,
         groups.gather(linear.r[:, None]),
@@ -274,16 +275,25 @@ def _variances(
         information,
         linear.taken,
     )
-    group, counts = _joint_groups(data)
     kept = groups.rows
     left = _rms_by_group(residuals.left(start.sensor, start.joint)[:, 0], data, kept)
     rms = np.maximum(left, LEAST_OF_ALL / _LEAST_SHARE * _rms_by_group(linear.r, data, kept))
     by_joint = linear.by_joint[kept][:, ~data.unread] / rms[data.noise_group[kept], None]
     lever = float(np.sqrt(np.mean(by_joint**2))) if by_joint.size else 1.0
-    floor = np.append(_LEAST_SHARE * rms, np.full(counts, _LEAST_SHARE / max(lever, 1e-12)))
-    known = np.zeros(len(group))
-    search = VarianceSearch(residuals, known, group, np.maximum(floor, 1e-12), data.sigma_held)
-    return search.run(start.sensor, start.joint)
+
+    def likeliest(group: NDArray, start: TreeNoise) -> Variances:
+        counts = int(group.max(initial=-1)) + 1
+        floor = np.append(_LEAST_SHARE * rms, np.full(counts, _LEAST_SHARE / max(lever, 1e-12)))
+        known = np.zeros(len(group))
+        search = VarianceSearch(residuals, known, group, np.maximum(floor, 1e-12), data.sigma_held)
+        return search.run(start.sensor, start.joint)
+
+    alike, by_limb = data.joint_groups(), data.joint_groups(by_limb=True)
+    found = likeliest(alike, start)
+    if by_limb.max(initial=0) == alike.max(initial=0):
+        return found
+    apart = likeliest(by_limb, TreeNoise(found.sensor, found.joint))
+    return apart if apart.likelihood > found.likelihood + DECISIVE else found
 
 
 def _rms_by_group(r: NDArray, data: TreeObservations, kept: NDArray) -> NDArray:
@@ -291,15 +301,3 @@ def _rms_by_group(r: NDArray, data: TreeObservations, kept: NDArray) -> NDArray:
     group = data.noise_group[kept]
     squares = np.bincount(group, r[kept] ** 2, minlength=len(data.noise_groups))
     return np.sqrt(squares / np.bincount(group, minlength=len(squares)))
-
-
-def _joint_groups(observations: TreeObservations) -> tuple[NDArray, int]:
-    """Return which noisy parts share a sigma: joints alike, a flange's turns and shifts."""
-    names = []
-    for i, part in observations.noisy_joints:
-        joint = observations.data.joints[i]
-        own = f"{joint.name} {part // 3}" if joint.motion in WHOLE_POSES else joint.motion
-        names.append(own)
-    _, first, group = np.unique(names, return_index=True, return_inverse=True)
-    order = np.argsort(np.argsort(first))
-    return order[group], len(first)

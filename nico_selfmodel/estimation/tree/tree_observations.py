@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
+from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, parents_of
 from nico_selfmodel.dataset.body.sensors import (
     CAMERA,
     FIRST_SIGMA,
@@ -240,6 +240,28 @@ class TreeObservations:
         joints = self.data.joints
         return np.array([joints[i].motion == FREE for i, _ in self.noisy_joints], dtype=bool)
 
+    def joint_groups(self, *, by_limb: bool = False) -> NDArray:
+        """Return which of `noisy_joints` share a standard deviation: joints of one motion.
+
+        A flange's turns do, and its shifts.
+
+        Args:
+            by_limb: Whether only joints of one limb do, on the way to the same ends of the tree.
+
+        Returns:
+            Numbers of groups, in their order of appearance. Shape (m,).
+        """
+        limbs = _limbs(parents_of(self.data.joints)) if by_limb else [()] * len(self.data.joints)
+        numbers: dict[tuple[object, ...], int] = {}
+        found = []
+        for i, part in self.noisy_joints:
+            joint = self.data.joints[i]
+            whole = joint.motion in WHOLE_POSES
+            key = (joint.name, part // 3) if whole else (joint.motion, limbs[i])
+            numbers.setdefault(key, len(numbers))
+            found.append(numbers[key])
+        return np.array(found, dtype=int)
+
     def unread_in(self, visits: int, slipped: NDArray | None = None) -> NDArray | None:
         """Return what says nothing in each visit: what slipped, and what nobody reads.
 
@@ -279,6 +301,18 @@ class TreeObservations:
     def per_row(self, values: NDArray) -> NDArray:
         """Return sums of values of scalars by row of the table. Shape (R,) -> (N,)."""
         return np.bincount(self.row, values, minlength=len(self.data.observations))
+
+
+def _limbs(parent: NDArray) -> list[tuple[int, ...]]:
+    """Return the ends of the tree, joints that carry no other, that each joint moves."""
+    ends = [i for i in range(len(parent)) if i not in parent]
+    out: list[tuple[int, ...]] = [()] * len(parent)
+    for end in ends:
+        joint = end
+        while joint >= 0:
+            out[joint] = (*out[joint], end)
+            joint = int(parent[joint])
+    return out
 
 
 def _apart(data: BodyDataset) -> NDArray:

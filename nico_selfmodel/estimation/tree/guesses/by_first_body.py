@@ -36,7 +36,7 @@ def with_others(
     Args:
         data: The recording.
         tree: The body.
-        cameras: What those saw that stand somewhere, by name.
+        cameras: What they saw, by name; those that are not placed stand somewhere.
         placed: Cameras that are where they should be.
         located: Markers that are.
         seed: Of the draws.
@@ -72,20 +72,22 @@ def _where_rays_meet(
 ) -> dict[int, NDArray]:
     """Return markers, on their links, that no two cameras need to have seen at once.
 
-    A joint turns them past one camera as well as past two: rays are lines on the marker's link.
+    A joint turns them past one camera as well as past two, or a camera past them: rays are lines on
+    the marker's link.
     """
     sums: dict[int, tuple[NDArray, NDArray]] = {}
-    by_name = {sensor.name: sensor.X_LA for sensor in tree.sensors}
+    by_name = {sensor.name: sensor for sensor in tree.sensors}
     for name, rows in cameras.items():
         own = ~np.isin(rows.marker, list(known))
-        X_WC, marker, pose = by_name[name], rows.marker[own], rows.pose[own]
-        rays = tree.lenses[name].directions(rows.measured[own]) @ X_WC[:3, :3].T
+        marker, pose = rows.marker[own], rows.pose[own]
+        R_WC, p_WC = (part[..., pose] for part in motion.pose_of(by_name[name]))
+        rays = np.einsum("ijn,nj->ni", R_WC, tree.lenses[name].directions(rows.measured[own]))
         told = np.isfinite(rays).all(axis=1)
         for m in np.unique(marker[told]).tolist():
             mine, link = told & (marker == m), tree.markers[m].on
             R = motion.R_WL[link][:, :, pose[mine]].transpose(2, 0, 1)
             d = np.einsum("nji,nj->ni", R, rays[mine])
-            o = np.einsum("nji,nj->ni", R, X_WC[:3, 3] - motion.p_WL[link][:, pose[mine]].T)
+            o = np.einsum("nji,nj->ni", R, (p_WC[:, mine] - motion.p_WL[link][:, pose[mine]]).T)
             # Least squared distances from lines: sum (I - d d') (p - o) = 0.
             across = np.eye(3) - d[:, :, None] * d[:, None, :]
             A, b = sums.get(m, (np.zeros((3, 3)), np.zeros(3)))

@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
 from nico_selfmodel.dataset.body.sensors import CAMERA, MarkerInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.tree.boards.board_pose import board_poses_seen, is_flat
+from nico_selfmodel.estimation.tree.guesses.by_first_body import with_others, with_sensors
 from nico_selfmodel.estimation.tree.guesses.camera_guess import together
 from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints, body_from_points
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
@@ -85,10 +87,10 @@ def body_from_carried_cameras(
         places[sensor.name] = transform(
             nearest_rotation(np.column_stack([x, y, np.cross(x, y)])), p[0]
         )
-    return replace(
-        found.with_markers(found.markers[:first]),
-        sensors=tuple(replace(s, X_LA=places.get(s.name, s.X_LA)) for s in found.sensors),
-    )
+    located = np.unique(np.concatenate([points[-1].marker, np.flatnonzero(known_places(data))]))
+    by_name = {item.rows.name: item.rows for item in placed}
+    whole = with_sensors(found.with_markers(found.markers[:first]), places)
+    return with_others(data, whole, by_name, list(places), located, seed)
 
 
 def _check_seen(data: BodyDataset, blank: BodyTree) -> None:
@@ -110,6 +112,11 @@ def _sensor(tree: BodyTree, data: BodyDataset, rows: SensorRows) -> int:
     return [s.name for s in tree.sensors].index(rows.name)
 
 
+def known_places(data: BodyDataset) -> NDArray:
+    """Return which markers stand at known places in the room. Boolean, shape (m,)."""
+    return np.array([m.xyz is not None and m.on == WORLD_NAME for m in data.markers], dtype=bool)
+
+
 def placed_by_known(
     data: BodyDataset, blank: BodyTree, rows: SensorRows, rng: np.random.Generator
 ) -> PlacedCamera:
@@ -124,7 +131,7 @@ def placed_by_known(
     Raises:
         DataError: If there are fewer than six such samples.
     """
-    known = np.array([m.xyz is not None and m.on == "world" for m in data.markers])
+    known = known_places(data)
     places = np.array([m.X_LA[:3, 3] for m in blank.markers])
     name = rows.name
     rays = blank.lenses[name].directions(rows.measured)

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
 from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES, SIGHTS
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.tree.guesses.by_first_body import (
@@ -26,6 +25,7 @@ from nico_selfmodel.estimation.tree.guesses.camera_guess import (
 from nico_selfmodel.estimation.tree.guesses.cameras_around import cameras_all_around
 from nico_selfmodel.estimation.tree.guesses.carried_cameras import (
     body_from_carried_cameras,
+    known_places,
     reconstructed_by,
 )
 from nico_selfmodel.estimation.tree.guesses.flange_guess import from_flange
@@ -91,7 +91,7 @@ def _from_nothing(
     seed: int,
 ) -> BodyTree:
     """Return a body from points in space, measured or reconstructed by two cameras."""
-    if any(marker.xyz is not None and marker.on == WORLD_NAME for marker in data.markers):
+    if known_places(data).any():
         return body_from_carried_cameras(data, blank, observations, seed)
     standing = [rows for rows in observations.sensors if data.sensors[rows.sensor].on == "world"]
     trackers = [rows for rows in standing if rows.kind in (POINTS, POSES)]
@@ -123,9 +123,9 @@ def _refuse_cameras(data: BodyDataset, standing: Mapping[str, SensorRows]) -> No
     carried = [s.name for s in data.sensors if s.kind == CAMERA and s.name not in standing]
     if carried:
         raise DataError(
-            f"{listed(carried)} move with the body, and nothing tells where they were: let them "
-            "see six markers or more whose places in the room are known (xyz), or give the "
-            "robot's description"
+            f"no camera stands in the world, of {listed(carried)}, and nothing tells where they "
+            "moved: let them see six markers or more whose places in the room are known (xyz), or "
+            "give the robot's description"
         )
     raise DataError(
         "one camera alone cannot tell a body from nothing: give the robot's description, "

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.tree.guesses.by_first_body import (
@@ -14,7 +13,7 @@ from nico_selfmodel.estimation.tree.guesses.by_first_body import (
     with_others,
     with_sensors,
 )
-from nico_selfmodel.estimation.tree.guesses.carried_cameras import placed_by_known
+from nico_selfmodel.estimation.tree.guesses.carried_cameras import known_places, placed_by_known
 from nico_selfmodel.estimation.tree.guesses.hand_eye import HandEye
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.geometry.rotation import rotation_from_vector
@@ -46,7 +45,7 @@ def from_flange(
         for rows in observations.sensors
         if rows.kind == CAMERA and data.on_link(data.sensors[rows.sensor].on) == flange
     ]
-    if cameras and any(m.xyz is not None and m.on == WORLD_NAME for m in data.markers):
+    if cameras and known_places(data).any():
         return _by_corners(data, blank, cameras, flange, seed)
     raise DataError(
         "a flange's hand-eye calibration needs a sensor that tells whole poses of a target (kind "
@@ -93,7 +92,7 @@ def _by_corners(
         places[rows.name] = found.X
         X_PJ[flange] = inverse(found.Z)
     tree = replace(with_sensors(tree, places), X_PJ=X_PJ)
-    known = np.flatnonzero([m.xyz is not None for m in data.markers])
+    known = np.flatnonzero(known_places(data))
     return with_others(data, tree, {r.name: r for r in cameras}, list(places), known, seed)
 
 
