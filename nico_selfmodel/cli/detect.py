@@ -54,7 +54,7 @@ def _detector(
     board: str | None,
     window: int | None,
 ) -> "Detector":
-    from nico_selfmodel.vision.boards.chessboard import WINDOW
+    from nico_selfmodel.vision.boards.exact_corners import WINDOW
     from nico_selfmodel.vision.color.color_model import ColorModel
     from nico_selfmodel.vision.detections import Detector
     from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY

@@ -1,7 +1,7 @@
 """Corners of a flat board as one or more cameras saw them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,11 +27,16 @@ class BoardViews:
     """Corners, u and v of each camera in turn; nan where not seen [px]. Shape (V, P, 2 C)."""
     image_sizes: tuple[tuple[int, int], ...]
     """Width and height of each camera's images [px]. Length C."""
+    loose: NDArray = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
+    """Where a camera saw a part of a chessboard that may as well lie elsewhere on it, as
+    `lattice_places` says; nowhere by default. Boolean, shape (V, C)."""
 
     def __post_init__(self) -> None:
         """Check shapes and make the arrays read-only."""
         for name in ("p_GQ", "pixels"):
             object.__setattr__(self, name, read_only(getattr(self, name), float))
+        loose = self.loose if self.loose.size else np.zeros((len(self.names), len(self.cameras)))
+        object.__setattr__(self, "loose", read_only(loose, bool))
         expected = (len(self.names), len(self.p_GQ), 2 * len(self.cameras))
         if self.pixels.shape != expected or self.p_GQ.shape[1:] != (3,):
             raise ValueError(
@@ -50,6 +55,8 @@ class BoardViews:
             check_name(camera, "names of cameras")
             if "." in camera:
                 raise ValueError(f"names of cameras have no dot in them, got {camera!r}")
+        if self.loose.shape != (len(self.names), len(self.cameras)):
+            raise ValueError(f"loose must have shape (V, C), got {self.loose.shape}")
 
     def __len__(self) -> int:
         """Return the number of views."""
@@ -89,18 +96,44 @@ class BoardViews:
         """Return what two cameras saw, in all views."""
         both = np.concatenate([self.of_camera(first), self.of_camera(second)], axis=2)
         sizes = (self.size_of(first), self.size_of(second))
-        return replace(self, cameras=(first, second), pixels=both, image_sizes=sizes)
+        loose = self.loose[:, [self.cameras.index(first), self.cameras.index(second)]]
+        return replace(self, cameras=(first, second), pixels=both, image_sizes=sizes, loose=loose)
 
     def select(self, rows: ArrayLike | Sequence[int]) -> "BoardViews":
         """Return some views, chosen by index or by a boolean mask."""
         index = np.arange(len(self))[np.asarray(rows)]
-        return replace(self, names=tuple(self.names[i] for i in index), pixels=self.pixels[index])
+        return replace(
+            self,
+            names=tuple(self.names[i] for i in index),
+            pixels=self.pixels[index],
+            loose=self.loose[index],
+        )
 
     def only(self, side: str) -> "BoardViews":
         """Return what one camera saw, without the views in which it saw nothing."""
-        sizes = (self.size_of(side),)
-        alone = replace(self, cameras=(side,), pixels=self.of_camera(side), image_sizes=sizes)
+        sizes, loose = (self.size_of(side),), self.loose[:, [self.cameras.index(side)]]
+        alone = replace(
+            self, cameras=(side,), pixels=self.of_camera(side), image_sizes=sizes, loose=loose
+        )
         return alone.select(alone.seen.any(axis=(1, 2)))
+
+    def apart(self) -> "BoardViews":
+        """Return parts whose place is not told as views of their own, which any place will do for.
+
+        They are called by their camera besides.
+        """
+        seen = self.seen.any(axis=2)
+        several = self.loose & (seen.sum(axis=1, keepdims=True) > 1)
+        rows, columns = np.nonzero(several)
+        kept = self.pixels.reshape(*self.pixels.shape[:2], -1, 2).copy()
+        alone = np.full((len(rows), *kept.shape[1:]), np.nan)
+        alone[np.arange(len(rows)), :, columns] = kept[rows, :, columns]
+        kept[rows, :, columns] = np.nan
+        pixels = np.concatenate([kept, alone]).reshape(-1, *self.pixels.shape[1:])
+        own = (own_name(self.names[v], self.cameras[c]) for v, c in zip(rows, columns, strict=True))
+        none = np.zeros((len(pixels), len(self.cameras)), dtype=bool)
+        views = replace(self, names=(*self.names, *own), pixels=pixels, loose=none)
+        return views.select(views.seen.any(axis=(1, 2)))
 
     def split(self, fraction: float, seed: int) -> tuple["BoardViews", "BoardViews"]:
         """Hold out a share of the views, at least one.
@@ -116,3 +149,8 @@ class BoardViews:
             raise DataError(f"{len(self)} views cannot be split: record more boards")
         order = np.random.default_rng(seed).permutation(len(self))
         return self.select(np.sort(order[count:])), self.select(np.sort(order[:count]))
+
+
+def own_name(view: str, camera: str) -> str:
+    """Return what a view of one camera is called that has become a view of its own."""
+    return f"{view} {camera}"

@@ -184,6 +184,8 @@ class RenderedNico:
                 left, right = (find_chessboard(image, BOARD, WINDOW) for image in pair)
                 if isinstance(left, NotSeen) or isinstance(right, NotSeen):
                     continue
+                if left.loose or right.loose:
+                    continue
                 same = BOARD.same_order(left.corners, right.corners)
                 pixels.append(np.hstack([left.corners, same]))
                 for camera, image in zip(SIDES, pair, strict=True):

@@ -15,7 +15,8 @@ from nico_selfmodel.files.whole import RESULT_FILE, folder_written_whole, refuse
 from nico_selfmodel.progress import Progress
 from nico_selfmodel.vision.annotate import Seen, annotated
 from nico_selfmodel.vision.boards.board_detection import AnyBoard, BoardDetection
-from nico_selfmodel.vision.boards.chessboard import WINDOW, Board
+from nico_selfmodel.vision.boards.chessboard import Board
+from nico_selfmodel.vision.boards.exact_corners import WINDOW
 from nico_selfmodel.vision.color.color_blob import ColorBlob, find_color_blob
 from nico_selfmodel.vision.color.color_model import ColorModel
 from nico_selfmodel.vision.images.image_file import image_files, looking_at, read_image, write_image
@@ -195,7 +196,8 @@ def _cells(seen: Seen) -> list[dict[str, str]]:
     """Return what is particular to a detection: a row for each corner of a board, or one row."""
     if isinstance(seen, BoardDetection):
         found = np.flatnonzero(seen.seen).tolist()
-        return [{"id": str(i), **_pixel("", seen.corners[i])} for i in found]
+        # Of a part nobody can say which corners these are.
+        return [{"id": "" if seen.loose else str(i), **_pixel("", seen.corners[i])} for i in found]
     if isinstance(seen, ColorBlob):
         left, top, width, height = seen.box
         right, bottom = left + width - 1, top + height - 1

@@ -50,7 +50,7 @@ def recorded(tmp_path_factory):
 def photographs(recorded, monkeypatch):
     """Let a folder of photographs show the boards that the cameras learned from."""
     folder, boards = recorded
-    found = SimpleNamespace(seen_views=boards)
+    found = SimpleNamespace(told_views=boards)
     monkeypatch.setattr(DETECT, lambda *_, **__: found)
     return folder / "photographs"
 
@@ -61,7 +61,7 @@ def body(recorded, command, tmp_path_factory):
     folder, boards = recorded
     out = tmp_path_factory.mktemp("body") / "nico"
     with pytest.MonkeyPatch.context() as patch:
-        found = SimpleNamespace(seen_views=boards)
+        found = SimpleNamespace(told_views=boards)
         patch.setattr(DETECT, lambda *_, **__: found)
         done = command(
             *("calibrate", "body", folder / "train", "--model", folder / "cameras.yaml"),
@@ -144,7 +144,7 @@ def test_kinematics_alone_need_no_boards(recorded, command, tmp_path):
 @pytest.mark.slow
 def test_three_boards_are_all_learned_from(recorded, photographs, monkeypatch, command, tmp_path):
     folder, boards = recorded
-    found = SimpleNamespace(seen_views=boards.select(np.arange(3)))
+    found = SimpleNamespace(told_views=boards.select(np.arange(3)))
     monkeypatch.setattr(DETECT, lambda *_, **__: found)
     done = command(
         *("calibrate", "body", folder / "train", "--model", folder / "cameras.yaml"),

@@ -68,6 +68,7 @@ def test_photographs_become_cameras_that_are_where_they_were_drawn(cameras):
     assert files["right"]["03"] == "right03.png"
     assert document["detection"] == {
         "board": "7x5", "square_mm": 30.0, "window_px": 5, "images": 20, "not_seen": {},
+        "in_part": [],
     }  # fmt: skip
     assert model.rig.baseline == pytest.approx(truth.baseline, abs=5e-4)
     assert model.rig.left.fx == pytest.approx(truth.left.fx, abs=2.0)

@@ -49,6 +49,24 @@ def test_views_are_chosen_by_a_mask(views):
     assert len(views.select(np.zeros(4, dtype=bool))) == 0
 
 
+def test_parts_whose_place_is_not_told_become_views_of_their_own(views):
+    loose = np.zeros((4, 2), dtype=bool)
+    loose[0, 1] = loose[1, 0] = loose[3, 0] = True  # the second view is of one camera anyway
+    views = replace(views, loose=loose)
+    assert np.array_equal(views.select([3, 0]).loose, loose[[3, 0]])
+    assert np.array_equal(views.pair("right", "left").loose, loose[:, ::-1])
+    assert views.only("right").loose.ravel().tolist() == [True, False, False]
+    apart = views.apart()
+    assert apart.names == (*NAMES, "01 right", "04 left")
+    assert not apart.loose.any()
+    assert apart.seen.any(axis=2).tolist() == [
+        [True, False], [True, False], [True, True], [False, True], [False, True], [True, False],
+    ]  # fmt: skip
+    for row, own, before in ((4, slice(2, 4), 0), (5, slice(0, 2), 3)):
+        assert np.array_equal(apart.pixels[row, :, own], views.pixels[before, :, own])
+    assert len(replace(views, loose=np.zeros((4, 2), dtype=bool)).apart()) == 4
+
+
 @pytest.mark.parametrize(("fraction", "held"), [(0.25, 1), (0.5, 2), (0.01, 1)])
 def test_a_split_holds_out_a_share_and_loses_nothing(views, fraction, held):
     train, test = views.split(fraction, 3)
@@ -75,6 +93,7 @@ def test_a_split_that_leaves_nothing_to_learn_from_is_refused(views):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        ({"loose": np.ones((4, 1))}, r"loose must have shape \(V, C\), got \(4, 1\)"),
         ({"names": NAMES[:3]}, r"pixels must have shape \(3, 3, 4\) .* got \(4, 3, 4\)"),
         ({"cameras": ("left",)}, r"pixels must have shape \(4, 3, 2\)"),
         ({"p_GQ": BOARD[:, :2]}, r"p_GQ \(P, 3\), got .* \(3, 2\)"),

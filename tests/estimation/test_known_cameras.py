@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError, ModelError
-from nico_selfmodel.estimation.cameras.baseline import baseline
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.cameras.known_cameras import KnownCameras, other_scale
+from nico_selfmodel.estimation.cameras.pair_checks import baseline
 from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform

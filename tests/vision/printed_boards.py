@@ -100,6 +100,14 @@ def charuco_print(columns, rows, square, marker, dictionary, *, legacy=False):
     return Print(white, texel, (-1.5 * square, -1.5 * square))
 
 
+def chess_print(columns, rows, square):
+    """Return a chessboard of so many inner corners, its first inner square dark."""
+    side = 2 * TEXELS
+    light = np.add.outer(np.arange(rows + 1), np.arange(columns + 1)) % 2
+    white = np.pad(np.kron(light, np.ones((side, side))) > 0, side // 2, constant_values=True)
+    return Print(white, square / side, (-1.5 * square, -1.5 * square))
+
+
 def april_print(columns, rows, size, spacing, dictionary):
     """Print a grid of tags as Kalibr does: ids from the lower left, borders of two cells."""
     cell = 8

@@ -81,18 +81,19 @@ def test_the_right_camera_keeps_its_order_where_the_board_tells_it():
     np.testing.assert_array_equal(BOARD.same_order(left, left[::-1]), left[::-1])
 
 
-@pytest.mark.parametrize("size", slow_rest(["3x3", "10x7", "8x6", "7x4"], plain=2))
-def test_a_board_of_another_size_is_not_seen_in_part(size):
+@pytest.mark.parametrize("size", slow_rest(["3x3", "8x6", "10x5", "7x4"], plain=2))
+def test_a_part_that_is_more_than_the_board_has_is_not_seen(size):
     image = rendered(9, 6, 3, tilt=0.3).image
     seen = find_chessboard(image, Board.parse(size, 25), window=5)
     assert isinstance(seen, NotSeen)
     assert f"no {size} board" in seen.reason or f"larger than {size}" in seen.reason
+    assert f"a part of 9x6 corners is more than a {size} board has" in seen.reason
 
 
-def test_a_board_half_out_of_view_over_exposed_or_absent_is_not_seen(draw_scene):
+def test_a_board_over_exposed_or_absent_is_not_seen(draw_scene):
     image = rendered(9, 6, 4, tilt=0.2, roll=0.2).image
     burnt = np.clip(image.astype(int) * 8, 0, 255).astype(np.uint8)
-    for spoilt in (image[:, :320], burnt, draw_scene()):
+    for spoilt in (burnt, draw_scene()):
         seen = find_chessboard(np.ascontiguousarray(spoilt), BOARD)
         assert isinstance(seen, NotSeen)
         assert "findChessboardCornersSB" in seen.reason

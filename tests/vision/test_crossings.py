@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from nico_selfmodel.vision.boards.coded_corners import located
 from nico_selfmodel.vision.boards.crossings import Crossings, straightened
+from nico_selfmodel.vision.boards.exact_corners import located
 
 FINE, SIDE, MIDDLE = 8, 61, 30.0
 PHASES = [(0.0, 0.0), (0.13, 0.4), (-0.3, 0.21), (0.45, -0.37)]
@@ -79,7 +79,7 @@ def test_straight_edges_and_lone_corners_stay():
 
 def seen(image, start=(0.0, 0.0), radius=6.0):
     rough = np.full((1, 2), MIDDLE) + start
-    return bool(np.isfinite(located(bytes_of(image), rough, np.array([radius]), 11)).all())
+    return bool(np.isfinite(located(bytes_of(image), rough, np.array([radius]))).all())
 
 
 @pytest.mark.parametrize(("faint", "plain"), [(0.0, False), (0.08, False), (0.2, True)])

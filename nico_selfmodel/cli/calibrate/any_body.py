@@ -182,7 +182,7 @@ def _with_boards(
         found = detect_boards_of_cameras(images_by_folder(folder), board, progress=progress)
     else:
         found = detect_boards(folder, board, progress=progress)
-    return with_boards(data, found.seen_views)
+    return with_boards(data, found.told_views)
 
 
 def _lenses(path: Path | None, data: "BodyDataset") -> "dict[str, Camera]":

@@ -127,7 +127,7 @@ def _views(
     from nico_selfmodel.estimation.cameras.camera_calibration import FEWEST_VIEWS
     from nico_selfmodel.vision.boards.board_detections import detect_boards
 
-    found = detect_boards(boards.boards, board, progress=progress).seen_views
+    found = detect_boards(boards.boards, board, progress=progress).told_views
     if not boards.board_test_fraction or len(found) <= FEWEST_VIEWS:
         # So few are all needed to learn from; the result says that none was held out.
         return found, None

@@ -10,8 +10,8 @@ from nico_selfmodel.estimation.bending.what_bends import bending_json
 from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.body.body_findings import body_findings
 from nico_selfmodel.estimation.body.workspace_accuracy import WorkspaceAccuracy
-from nico_selfmodel.estimation.cameras.baseline import baseline
 from nico_selfmodel.estimation.cameras.camera_result import rebuilt_block
+from nico_selfmodel.estimation.cameras.pair_checks import baseline
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.estimation.results.calibration_result import (
     CalibrationResult,

@@ -19,6 +19,7 @@ from nico_selfmodel.estimation.cameras.known_cameras import KnownCameras, other_
 from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
 from nico_selfmodel.estimation.cameras.lens_fractions import with_told_sigmas
 from nico_selfmodel.estimation.cameras.lens_misfit import LensMisfit, lens_misfits
+from nico_selfmodel.estimation.cameras.parts_of_boards import joined
 from nico_selfmodel.estimation.cameras.projection_uncertainty import ProjectionUncertainty
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL, RATIONAL
 from nico_selfmodel.model.self_model import SelfModel
@@ -89,6 +90,8 @@ class CameraAssessment:
         views, inliers = calibration.views, ~calibration.outliers
         if left_out is None or not inliers.all():
             left_out = cross_validate_cameras(calibration, options, inliers)
+        if test is not None and len(test.cameras) > 1:
+            test = joined(test, calibration.cameras)
         shown = test if test is not None else views.select(inliers)
         return cls(
             calibration,

@@ -21,6 +21,7 @@ from nico_selfmodel.estimation.cameras.camera_initialization import (
 )
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions, by_full_name
 from nico_selfmodel.estimation.cameras.pair_checks import check_pair, check_start
+from nico_selfmodel.estimation.cameras.parts_of_boards import told_places
 from nico_selfmodel.estimation.cameras.rig_start import rig_links, rig_start
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import FISHEYE, intrinsics_of
@@ -55,7 +56,8 @@ def calibrate_cameras(
     Raises:
         NotIdentifiableError: If there are too few boards, or all are parallel.
         DataError: If left and right are swapped.
-        EstimationError: If no start can be found, or the cameras are no rigid pair.
+        EstimationError: If no start can be found, the cameras are no rigid pair, or nothing tells
+            which parts of a board they saw.
         NotConvergedError: If a camera that cannot be comes out.
         ValueError: If an option names no parameter.
     """
@@ -78,8 +80,11 @@ def calibrate_cameras(
     }
     for camera, found in alone.items():
         check_tilts(found.X_LG, camera)
+    placed = [_among(views, found) for found in alone.values()]
+    if views.loose.any():
+        views, placed = told_places(views, placed)
     links = rig_links(views)
-    cameras, X_LG = rig_start([_among(views, found) for found in alone.values()], views)
+    cameras, X_LG = rig_start(placed, views)
     adjustment = Adjustment(views, cameras, X_LG, options)
     leaves = {link: max(alone[camera].rms for camera in link) for link in links}
     try:

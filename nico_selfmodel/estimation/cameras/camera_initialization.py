@@ -171,11 +171,25 @@ def _agreeing(X_LG: NDArray, X_RG: NDArray) -> NDArray:
     """
     X_LR = X_LG @ inverse(X_RG)
     depth = np.median(X_LG[:, 2, 3])
-    turn = np.linalg.norm(X_LR[:, None, :3, :3] - X_LR[:, :3, :3], axis=(2, 3)) / np.sqrt(2.0)
-    shift = np.linalg.norm(X_LR[:, None, :3, 3] - X_LR[:, :3, 3], axis=2) / depth
-    distance = turn + shift
+    distance = poses_apart(X_LR, X_LR, float(depth))
     middle = int(np.argmin(np.median(distance, axis=1)))
     return distance[middle] <= max(_AGREEING, 3.0 * float(np.median(distance[middle])))
+
+
+def poses_apart(X: NDArray, Y: NDArray, depth: float) -> NDArray:
+    """Return how far poses are apart, in radians and depths.
+
+    Args:
+        X: Shape (m, 4, 4).
+        Y: Shape (k, 4, 4).
+        depth: What a shift is measured by.
+
+    Returns:
+        Shape (m, k).
+    """
+    turn = np.linalg.norm(X[:, None, :3, :3] - Y[:, :3, :3], axis=(2, 3)) / np.sqrt(2.0)
+    shift = np.linalg.norm(X[:, None, :3, 3] - Y[:, :3, 3], axis=2) / depth
+    return np.asarray(turn + shift)
 
 
 def _homographies(plane: NDArray, pixels: NDArray) -> NDArray:

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.cameras.baseline import baseline
 from nico_selfmodel.estimation.cameras.board_accuracy import PairAccuracy, Reconstruction
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.cameras.camera_findings import camera_findings, rms_of_boards
+from nico_selfmodel.estimation.cameras.pair_checks import baseline
 from nico_selfmodel.estimation.results.calibration_result import (
     CalibrationResult,
     Errors,

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import DataError, ModelError
-from nico_selfmodel.estimation.cameras.baseline import baseline
 from nico_selfmodel.estimation.cameras.board_accuracy import corner_distances, held_out_residuals
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
+from nico_selfmodel.estimation.cameras.pair_checks import baseline
 from nico_selfmodel.estimation.results.calibration_result import Errors
 from nico_selfmodel.estimation.results.model_changes import parameter_changes
 from nico_selfmodel.geometry.transform import inverse

@@ -31,6 +31,7 @@ from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_camer
 from nico_selfmodel.estimation.cameras.camera_options import AUTO, CameraOptions, lens_word
 from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
 from nico_selfmodel.estimation.cameras.lens_misfit import LensMisfit, lens_misfits
+from nico_selfmodel.estimation.cameras.parts_of_boards import told_places
 from nico_selfmodel.estimation.results.calibration_result import finite
 from nico_selfmodel.model.cameras.projection import FISHEYE, LENSES, POLYNOMIAL, RATIONAL
 
@@ -100,7 +101,7 @@ def lens_of(views: BoardViews, options: CameraOptions) -> LensChoice:
         DataError, EstimationError, ModelError, ValueError: As `calibrate_cameras`, of the lens
             that was asked for, or where the boards can be learned from with no lens at all.
     """
-    views = views.placeable()
+    views = _told(views.placeable(), options)
     if options.lens != AUTO:
         return _compared(views, options)
     choice = _best_of(views, options)
@@ -113,6 +114,27 @@ def lens_of(views: BoardViews, options: CameraOptions) -> LensChoice:
     if after is not None and (before is None or before.worse_than(after)):
         return replace(freed, decentred=decentred, left_out=after.residuals)
     return choice if before is None else replace(choice, left_out=before.residuals)
+
+
+def _told(views: BoardViews, options: CameraOptions) -> BoardViews:
+    """Return views in which parts of boards lie alike in all cameras, whichever lens they have."""
+    if len(views.cameras) == 1 or not views.loose.any():
+        return views
+    placed = []
+    for camera in views.cameras:
+        found = lens_of(views.only(camera), _alone(options, camera)).calibration
+        X_CG = np.full((len(views), 4, 4), np.nan)
+        X_CG[[views.names.index(name) for name in found.views.names]] = found.X_LG
+        placed.append((found.cameras[0], X_CG))
+    return told_places(views, placed)[0]
+
+
+def _alone(options: CameraOptions, camera: str) -> CameraOptions:
+    """Return what concerns the inside of one camera."""
+    if options.lens != AUTO:
+        return options.of_camera(camera)
+    # A rational lens has all numbers that an option may name.
+    return replace(replace(options, lens=RATIONAL).of_camera(camera), lens=AUTO)
 
 
 def _best_of(
@@ -275,10 +297,8 @@ def _tried_apart(
         return {}
     choices = {}
     for camera in views.cameras:
-        # A rational lens has all numbers that an option may name.
-        own = replace(replace(options, lens=RATIONAL).of_camera(camera), lens=AUTO)
         try:
-            choices[camera] = lens_of(views.only(camera), own).options
+            choices[camera] = lens_of(views.only(camera), _alone(options, camera)).options
         except (EstimationError, ModelError):
             return {}
     lenses = {camera: choice.lens for camera, choice in choices.items()}

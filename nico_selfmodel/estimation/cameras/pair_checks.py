@@ -1,4 +1,4 @@
-"""What a pair of cameras must be before its calibration means anything."""
+"""What a pair of cameras must be before its calibration means anything, and how far it is apart."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,8 +6,10 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import DataError, EstimationError
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
+from nico_selfmodel.estimation.results.calibration_result import Parameter, finite
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 _LARGEST_EPIPOLAR = 1.5
 """Distance from epipolar lines [px] above which a pair is looked at twice."""
@@ -17,6 +19,21 @@ _LARGEST_AT_START = 8.0
 """Median distance from epipolar lines [px] that a start may have beside what a camera leaves."""
 _SHORTEST_BASELINE = 1e-3
 """Baseline over the boards' distance below which two cameras are one."""
+
+
+def baseline(apart: NDArray, known: Uncertainty, cameras: tuple[str, ...] = SIDES) -> Parameter:
+    """Return the distance of two cameras, whose slope by a position is its direction.
+
+    Args:
+        apart: From one to the other, in the frame of the first camera of their rig [m]. Shape (3,).
+        known: How well the free parameters are known.
+        cameras: What the two are called.
+    """
+    slope, length = np.zeros(len(known.names)), float(np.linalg.norm(apart))
+    for camera, sign in zip(cameras, (-1.0, 1.0), strict=True):
+        for axis, share in zip("xyz", apart / length, strict=True):
+            slope[np.array(known.names) == f"{camera}.pose.{axis}"] = sign * share
+    return Parameter(length, finite(known.sigma_of(slope)), "m")
 
 
 def check_pair(calibration: CameraCalibration, link: tuple[str, str], alone_rms: float) -> None:

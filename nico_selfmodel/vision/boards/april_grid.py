@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.homography import apply_homography
 from nico_selfmodel.vision.boards.board_detection import Ink, cells_of
+from nico_selfmodel.vision.boards.exact_corners import between_lines
 from nico_selfmodel.vision.boards.tag_layout import wrong_tag
 from nico_selfmodel.vision.boards.tagged_board import TaggedBoard
 from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY, FiducialFamily
@@ -87,9 +88,7 @@ class AprilGrid(TaggedBoard):
         """Nothing lies between lines on either side, the far edges of what touches."""
         cells = FiducialFamily(self.family).cells + 2 * (BORDER - 1)
         clear = min(self.square - self.tag, BORDER / cells * self.tag)
-        lengths = np.linalg.norm(maps, axis=1)
-        area = np.abs(np.linalg.det(maps))
-        return np.asarray(clear * area / np.maximum(lengths.max(axis=1), 1e-12))
+        return between_lines(clear * maps)
 
     def _tags(self, gray: NDArray) -> TagsSeen:
         return seen_tags(gray, self.family, BORDER, apart=False)

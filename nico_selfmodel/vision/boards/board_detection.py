@@ -134,9 +134,11 @@ class BoardDetection:
     corners: NDArray
     """Pixels in the order of `board.points`, nan where not seen. Shape (P, 2)."""
     method: str
-    """OpenCV's detector that found it."""
+    """What found it: OpenCV's detector where it was one."""
     window: int | None
     """Half side of the sub-pixel window [px]; None where the detector refines by itself."""
+    loose: bool = False
+    """Whether it is a part that may as well lie elsewhere on the board."""
 
     @property
     def seen(self) -> NDArray:

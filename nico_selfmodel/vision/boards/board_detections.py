@@ -11,14 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.dataset.board_views import BoardViews, own_name
+from nico_selfmodel.dataset.lattice_places import lattice_of
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.reading import LARGEST_PICTURE, read_bytes, real_path
 from nico_selfmodel.names import listed
 from nico_selfmodel.progress import Progress
 from nico_selfmodel.vision.boards.board_detection import AnyBoard, BoardDetection
 from nico_selfmodel.vision.boards.board_images import stereo_pairs
-from nico_selfmodel.vision.boards.chessboard import WINDOW, Board, size_of_board
+from nico_selfmodel.vision.boards.chessboard import Board, size_of_board
+from nico_selfmodel.vision.boards.exact_corners import WINDOW
 from nico_selfmodel.vision.images.image_file import looking_at, natural_key, read_image
 from nico_selfmodel.vision.images.not_seen import NotSeen
 
@@ -47,6 +49,11 @@ class BoardDetections:
         return self.views.select(self.views.seen.any(axis=(1, 2)))
 
     @property
+    def told_views(self) -> BoardViews:
+        """The same, parts of chessboards whose place is not told each by itself."""
+        return self.seen_views.apart()
+
+    @property
     def _every(self) -> list[Path]:
         return [path for files in self.files.values() for path in files.values()]
 
@@ -63,6 +70,10 @@ class BoardDetections:
                 for camera, files in self.files.items()
             },
             "not_seen": dict(self.not_seen),
+            "in_part": [
+                labels[self.files[self.views.cameras[c]][self.views.names[v]]]
+                for v, c in np.argwhere(self.views.loose)
+            ],
         }
 
     @property
@@ -76,21 +87,24 @@ class BoardDetections:
 
     def read_images(self) -> dict[str, "Photographs"]:
         """Return the photographs again, each read when it is asked for. Camera -> view -> image."""
-        return {camera: Photographs(files) for camera, files in self.files.items()}
+        return {camera: Photographs(camera, files) for camera, files in self.files.items()}
 
 
 class Photographs(Mapping[str, NDArray]):
     """View -> red, green and blue, shape (height, width, 3); one is in memory at a time."""
 
-    def __init__(self, files: Mapping[str, Path]) -> None:
+    def __init__(self, camera: str, files: Mapping[str, Path]) -> None:
         """Remember where they are.
 
         Args:
+            camera: Whose they are.
             files: View -> photograph.
         """
         self._files = files
+        self._own = {own_name(view, camera): view for view in files}
 
     def __getitem__(self, view: str) -> NDArray:
+        view = self._own.get(view, view)
         return np.ascontiguousarray(read_image(self._files[view])[:, :, ::-1])
 
     def __iter__(self) -> Iterator[str]:
@@ -146,8 +160,8 @@ def detect_boards_of_cameras(
         The corners, in the same order in all cameras.
 
     Raises:
-        DataError: If an image cannot be read, those of a camera differ in size, or no image shows
-            such a board.
+        DataError: If an image cannot be read, those of a camera differ in size, no image shows such
+            a board, or none all of it.
     """
     files = {camera: dict(listed) for camera, listed in images.items()}
     names = _views_of(files)
@@ -161,15 +175,18 @@ def detect_boards_of_cameras(
     found, sizes = _find(paths, board, window, progress)
     pixels = np.full((len(names), len(board.points), len(files), 2), np.nan)
     columns, rows = list(files), {name: k for k, name in enumerate(names)}
-    for (camera, name, _), corners in zip(everything, _corners(found, board), strict=True):
-        seen = pixels[rows[name]]
-        others = np.flatnonzero(np.isfinite(seen).any(axis=(0, 2)))
-        if len(others) and np.isfinite(corners).any():
-            corners = board.same_order(seen[:, others[0]], corners)
-        seen[:, columns.index(camera)] = corners
+    loose = np.zeros((len(names), len(files)), dtype=bool)
+    for (camera, name, _), item in zip(everything, found, strict=True):
+        if isinstance(item, NotSeen):
+            continue
+        v, c, corners = rows[name], columns.index(camera), item.corners
+        firm = np.isfinite(pixels[v]).any(axis=(0, 2)) & ~loose[v]
+        if firm.any() and not item.loose:
+            corners = board.same_order(pixels[v, :, np.argmax(firm)], corners)
+        pixels[v, :, c], loose[v, c] = corners, item.loose
     flat = pixels.reshape(len(names), len(board.points), -1)
     by_camera_size = [_size_of(camera, of_camera, sizes) for camera, of_camera in files.items()]
-    views = BoardViews(board.points, names, tuple(files), flat, tuple(by_camera_size))
+    views = BoardViews(board.points, names, tuple(files), flat, tuple(by_camera_size), loose)
     by_camera = {
         camera: {name: of_camera[name] for name in names if name in of_camera}
         for camera, of_camera in files.items()
@@ -211,6 +228,8 @@ def _find(
     detections = [item for item in found if isinstance(item, BoardDetection)]
     if not detections:
         raise DataError(_no_board(files, board, _not_seen(files, found)))
+    if all(item.loose for item in detections):
+        raise DataError(_never_whole(files, detections))
     _warn_of_small_squares(detections, window)
     return found, sizes
 
@@ -233,15 +252,28 @@ def _size_of(
     return next(iter(different))
 
 
-def _corners(found: Sequence[BoardDetection | NotSeen], board: AnyBoard) -> NDArray:
-    nothing = np.full((len(board.points), 2), np.nan)
-    rows = [item.corners if isinstance(item, BoardDetection) else nothing for item in found]
-    return np.stack(rows)
-
-
 def _not_seen(files: Sequence[Path], found: Sequence[BoardDetection | NotSeen]) -> dict[str, str]:
     pairs, labels = zip(files, found, strict=True), _labels(files)
     return {labels[path]: item.reason for path, item in pairs if isinstance(item, NotSeen)}
+
+
+def _never_whole(files: Sequence[Path], parts: Sequence[BoardDetection]) -> str:
+    """Say how large the parts are of a board that no image shows whole."""
+    sizes = Counter(
+        "x".join(str(side) for side in sorted(_extent(part), reverse=True)) for part in parts
+    )
+    largest = max(sizes, key=lambda size: (sizes[size], size))
+    return (
+        f"{files[0].parent}: none of {len(files)} images shows all of a {parts[0].board} board; "
+        f"{listed(dict(sizes.most_common()), most=4)} corners are seen of it: is it a {largest} "
+        "board (the size counts inner corners: 10x7 squares have 9x6)?"
+    )
+
+
+def _extent(part: BoardDetection) -> tuple[int, int]:
+    """Return columns and rows of the corners that are seen of a chessboard."""
+    columns, rows = np.ptp(lattice_of(part.board.points)[0][part.seen], axis=0) + 1
+    return int(columns), int(rows)
 
 
 def _no_board(files: Sequence[Path], board: AnyBoard, tried: dict[str, str]) -> str:

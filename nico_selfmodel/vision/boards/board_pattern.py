@@ -34,7 +34,7 @@ def is_regular(grid: NDArray, gray: NDArray) -> bool:
         if np.any(change > _UNEVEN * mean_step):
             return False
     inside = _points_in_squares(grid, (0.3, 0.7), (0.3, 0.7))
-    squares = _brightness(_smoothed(gray), np.stack(inside))
+    squares = brightness(smoothed(gray), np.stack(inside))
     sign = 1.0 - 2.0 * (np.indices(squares.shape[1:]).sum(axis=0) % 2)
     lighter = [
         (sign[:, 1:] * np.diff(squares, axis=2)).ravel(),
@@ -57,7 +57,7 @@ def is_plain(grid: NDArray, gray: NDArray) -> bool:
         True if nothing dark stands in most of the light squares.
     """
     shares = np.linspace(0.3, 0.7, 5)
-    values = _brightness(_smoothed(gray), np.stack(_points_in_squares(grid, shares, shares)))
+    values = brightness(smoothed(gray), np.stack(_points_in_squares(grid, shares, shares)))
     light = np.indices(values.shape[1:]).sum(axis=0) % 2 == 1
     if values[:, light].mean() < values[:, ~light].mean():
         light = ~light
@@ -88,11 +88,11 @@ def continues_beyond(grid: NDArray, gray: NDArray) -> bool:
         *(_rectangle(across, [v]) for v in (-_BEYOND, rows - 1 + _BEYOND)),
         *(_rectangle([u], down) for u in (-_BEYOND, columns - 1 + _BEYOND)),
     ]
-    H, smoothed = _from_squares(grid), _smoothed(gray)
-    inner = _contrast(H, smoothed, _between(grid))
+    H, smooth = _from_squares(grid), smoothed(gray)
+    inner = _contrast(H, smooth, _between(grid))
     if inner == 0.0:
         return False
-    return any(_contrast(H, smoothed, side) / inner > _CONTINUES for side in sides)
+    return any(_contrast(H, smooth, side) / inner > _CONTINUES for side in sides)
 
 
 def contrast(grid: NDArray, gray: NDArray, squares: NDArray | None = None) -> float:
@@ -109,17 +109,17 @@ def contrast(grid: NDArray, gray: NDArray, squares: NDArray | None = None) -> fl
         fewer than two squares of a kind are in the image.
     """
     inside = _between(grid) if squares is None else squares
-    return _contrast(_from_squares(grid), _smoothed(gray), inside)
+    return _contrast(_from_squares(grid), smoothed(gray), inside)
 
 
-def _contrast(H: NDArray, smoothed: NDArray, squares: NDArray) -> float:
+def _contrast(H: NDArray, smooth: NDArray, squares: NDArray) -> float:
     pixels = apply_homography(H, squares)
-    height, width = smoothed.shape
+    height, width = smooth.shape
     visible = np.all((pixels >= 0.0) & (pixels <= (width - 1.0, height - 1.0)), axis=1)
     light = np.floor(squares[visible]).sum(axis=1) % 2 == 1
     if min(light.sum(), (~light).sum()) < 2:
         return float("nan")
-    values = _brightness(smoothed, pixels[visible])
+    values = brightness(smooth, pixels[visible])
     return float(values[light].mean() - values[~light].mean())
 
 
@@ -161,13 +161,13 @@ def _points_in_squares(grid: NDArray, across: ArrayLike, down: ArrayLike) -> lis
     ]
 
 
-def _smoothed(gray: NDArray) -> NDArray:
+def smoothed(gray: NDArray) -> NDArray:
     """Return means of 3 x 3 pixels. Shape (h, w)."""
     return cv2.blur(gray, (3, 3))
 
 
-def _brightness(smoothed: NDArray, pixels: NDArray) -> NDArray:
+def brightness(smooth: NDArray, pixels: NDArray) -> NDArray:
     """Return what a smoothed image shows at the pixels nearest to places. (..., 2) -> (...)."""
-    height, width = smoothed.shape
+    height, width = smooth.shape
     u, v = np.moveaxis(np.rint(pixels).astype(int), -1, 0)
-    return smoothed[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)].astype(float)
+    return smooth[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)].astype(float)

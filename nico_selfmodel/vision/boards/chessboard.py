@@ -1,4 +1,4 @@
-"""The inner corners of a chessboard, to a fraction of a pixel."""
+"""Chessboards: the inner corners to a fraction of a pixel, of a part of one too."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import read_only
+from nico_selfmodel.dataset.lattice_places import places_of
 from nico_selfmodel.vision.boards.board_detection import (
     BoardDetection,
     Ink,
@@ -23,19 +24,20 @@ from nico_selfmodel.vision.boards.board_pattern import (
     smallest_square,
 )
 from nico_selfmodel.vision.boards.board_search import SECTOR, rough_boards
-from nico_selfmodel.vision.boards.corner_order import same_order, standard_order
+from nico_selfmodel.vision.boards.corner_order import rightwards, same_order, standard_order
+from nico_selfmodel.vision.boards.exact_corners import WINDOW
+from nico_selfmodel.vision.boards.lattice import any_lattice
 from nico_selfmodel.vision.boards.stray_corners import stray_corners
-from nico_selfmodel.vision.images.image_array import detectable, reduced
+from nico_selfmodel.vision.images.image_array import detectable
 from nico_selfmodel.vision.images.not_seen import NotSeen
-
-WINDOW = 11
-"""Default half side of the sub-pixel window [px]; a corner sees 2 x 11 + 1 pixels each way."""
 
 # OpenCV's own calibration programs stop here. Stricter ends (0.001) follow the window, which at
 # this size holds the neighbours of small boards, and fit `stereo_chessboard` worse: 0.409 px rms
 # in place of 0.393.
 _SUBPIXEL_END = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.1)
-_GUESSED = 2_500_000  # pixels of the copy in which the size of a board is guessed
+_GROWN = "corners that follow each other"
+_SHARE_OF_PART = 0.25
+"""Share of a board's corners below which a part is none."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +113,7 @@ class Board:
         return same_order(left, right, self.columns, self.rows)
 
     def find(self, image: NDArray, window: int) -> BoardDetection | NotSeen:
-        """Find the board, whole, as `find_chessboard`."""
+        """Find the board, whole or in part, as `find_chessboard`."""
         return find_chessboard(image, self, window)
 
 
@@ -120,8 +122,11 @@ def find_chessboard(image: NDArray, board: Board, window: int = WINDOW) -> Board
 
     OpenCV's `findChessboardCorners` (adaptive threshold, normalised image) with `cornerSubPix`
     comes first; where it fails, `findChessboardCornersSB`, which refines by itself. A smaller board
-    inside a larger one is refused, as are corners that form no board, squares with something in
-    them, and boards of which a corner could not be located.
+    inside a larger one is refused, as are corners that form no board, and squares with something in
+    them. Where not all of a board is plain to see, as much of it is found as is.
+
+    A part may lie in several places on the board: shifted by whole squares, turned by quarters. It
+    is listed in one of them, and `loose`, unless it has as many columns and rows as the board.
 
     Args:
         image: Grey or BGR, 8 bits. Shape (h, w) or (h, w, 3).
@@ -153,7 +158,8 @@ def find_chessboard(image: NDArray, board: Board, window: int = WINDOW) -> Board
             continue
         corners = read_only(standard_order(grid, gray).reshape(-1, 2))
         return BoardDetection(board, corners, method, used)
-    return NotSeen("; ".join(reasons))
+    part = _part(gray, board, window)
+    return part if isinstance(part, BoardDetection) else NotSeen("; ".join([*reasons, part]))
 
 
 def _refined(
@@ -200,6 +206,23 @@ def _problem(
     return None
 
 
+def _part(gray: NDArray, board: Board, window: int) -> BoardDetection | str:
+    """Return what is plain to see of a part of a board, or say that it is none."""
+    found = any_lattice(gray, window)
+    if found is None:
+        return "no part of a chessboard is plain to see"
+    size, whole = sorted(found.size), sorted((board.columns, board.rows))
+    if size[0] > whole[0] or size[1] > whole[1]:
+        return f"a part of {size[1]}x{size[0]} corners is more than a {board} board has"
+    if len(found.nodes) < _SHARE_OF_PART * board.columns * board.rows:
+        return f"{len(found.nodes)} corners of a {board} board are too few"
+    places = places_of(found.nodes, board.columns, board.rows)
+    nodes = max(places, key=lambda placed: rightwards(placed, found.corners))
+    corners = np.full((board.columns * board.rows, 2), np.nan)
+    corners[nodes[:, 1] * board.columns + nodes[:, 0]] = found.corners
+    return BoardDetection(board, read_only(corners), _GROWN, None, loose=size != whole)
+
+
 def size_of_board(image: NDArray) -> tuple[int, int] | None:
     """Guess the size of a board of unknown size, for a hint; it may be a part of the board.
 
@@ -209,17 +232,8 @@ def size_of_board(image: NDArray) -> tuple[int, int] | None:
     Returns:
         Inner corners the long way and the short way, or None if no board is seen.
     """
-    gray, _ = reduced(detectable(image), _GUESSED)
-    found, corners, meta = cv2.findChessboardCornersSBWithMeta(
-        gray, (3, 3), cv2.CALIB_CB_LARGER + cv2.CALIB_CB_NORMALIZE_IMAGE
-    )
-    if not found:
+    found = any_lattice(detectable(image))
+    if found is None:
         return None
-    grid = corners.reshape(*meta.shape[:2], 2).astype(float)
-    # It answers dots, separate squares and noise with a few corners too.
-    if not is_regular(grid, gray) or not is_plain(grid, gray):
-        return None
-    if stray_corners(grid, gray.shape[::-1]).any():
-        return None
-    rows, columns = sorted(meta.shape[:2])
-    return int(columns), int(rows)
+    rows, columns = sorted(found.size)
+    return columns, rows

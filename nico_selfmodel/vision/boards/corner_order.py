@@ -42,17 +42,33 @@ def same_order(left: NDArray, right: NDArray, columns: int, rows: int) -> NDArra
     rolled against the other by less than 90 degrees (45 for a square board).
 
     Args:
-        left: Corners in the left image [px]. Shape (rows * columns, 2).
-        right: Corners in the right image [px]. Shape (rows * columns, 2).
+        left: Corners in the left image, nan where not seen [px]. Shape (rows * columns, 2).
+        right: Corners in the right image, nan where not seen [px]. Shape (rows * columns, 2).
         columns: Inner corners in a row.
         rows: Inner corners in a column.
 
     Returns:
         The corners of `right`. Shape (rows * columns, 2).
     """
-    centred = left - left.mean(axis=0)
     orders = [order.reshape(-1, 2) for order in _rotations(right.reshape(rows, columns, 2))]
-    return min(orders, key=lambda order: np.sum((order - order.mean(axis=0) - centred) ** 2))
+    return min(orders, key=lambda order: _apart(left, order))
+
+
+def rightwards(nodes: NDArray, corners: NDArray) -> float:
+    """Return how much the rows of a part of a board point to the right: the cosine.
+
+    Args:
+        nodes: Columns and rows. Shape (n, 2).
+        corners: Where they are [px]. Shape (n, 2).
+    """
+    steps, *_ = np.linalg.lstsq(nodes - nodes.mean(axis=0), corners - corners.mean(axis=0))
+    return float(steps[0, 0] / np.linalg.norm(steps[0]))
+
+
+def _apart(left: NDArray, right: NDArray) -> float:
+    """Return the mean square by which corners that both see lie apart, once centred."""
+    moved = right - left
+    return float(np.nanmean((moved - np.nanmean(moved, axis=0)) ** 2))
 
 
 def _rotations(grid: NDArray) -> list[NDArray]:

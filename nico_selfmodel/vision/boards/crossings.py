@@ -51,7 +51,7 @@ class Crossings:
     places: NDArray
     """Shape (n, 2) [px]."""
     sameness: NDArray
-    """Correlation of what is around with itself after half a turn. Shape (n,)."""
+    """Correlation of what is around with itself after half a turn about the place. Shape (n,)."""
     contrast: NDArray
     """Standard deviation of what is around [grey levels]. Shape (n,)."""
     along: NDArray
@@ -70,20 +70,25 @@ class Crossings:
         part, low = _around(gray, corners, float(radius.max(initial=1.0)) + _ROOM)
         window = _Window(part, float(radius.max(initial=1.0)))
         places, twice = corners - low, np.zeros((len(corners), 2), dtype=int)
-        told = np.ones((len(corners), 2))
+        found = _Turned(places, *np.ones((3, len(corners))))
         for _ in range(_STEPS):
             before, twice = twice, np.rint(2.0 * places).astype(int)
             if np.array_equal(before, twice):
                 break
-            weight, one, other = window.halves(twice, radius)
-            slope = window.slopes[one] - window.slopes[other]
-            H = np.einsum("nk,nka,nkb->nab", weight, slope, slope)
-            b = np.einsum("nk,nka,nk->na", weight, slope, window.image[other] - window.image[one])
-            told, vectors = np.linalg.eigh(H)
-            step = _along(vectors, b, 1.0 / np.maximum(told, 1e-9 * told[:, 1:] + 1e-12))
-            places = 0.5 * twice + np.clip(step, -_FARTHEST, _FARTHEST)
-        ratio = told[:, 0] / np.maximum(told[:, 1], 1e-12)
-        return cls(places + low, *window.likeness(twice, radius), ratio)
+            found = window.turned(twice, radius)
+            places = 0.5 * twice + np.clip(found.step, -_FARTHEST, _FARTHEST)
+        return cls(places + low, found.sameness, found.contrast, found.along)
+
+
+@dataclass(frozen=True, eq=False)
+class _Turned:
+    """What half a turn about half-integer places tells; as in `Crossings`."""
+
+    step: NDArray
+    """From these to the places of symmetry. Shape (n, 2) [px]."""
+    sameness: NDArray
+    contrast: NDArray
+    along: NDArray
 
 
 def _along(vectors: NDArray, b: NDArray, size: NDArray) -> NDArray:
@@ -125,15 +130,20 @@ class _Window:
         first, second = (np.clip(part, 0, self.size - 1) for part in (one, other))
         return weight, (first[..., 1], first[..., 0]), (second[..., 1], second[..., 0])
 
-    def likeness(self, twice: NDArray, radius: NDArray) -> tuple[NDArray, NDArray]:
-        """Return how alike halves are, and how much there is to see. Shapes (n,)."""
+    def turned(self, twice: NDArray, radius: NDArray) -> _Turned:
+        """Compare what is around places with itself after half a turn; as `halves`."""
         weight, one, other = self.halves(twice, radius)
         weight = weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-12)
-        here, there = self.image[one], self.image[other]
+        here, off = self.image[one], self.image[other] - self.image[one]
+        slope = self.slopes[one] - self.slopes[other]
+        b = np.einsum("nk,nka,nk->na", weight, slope, off)
+        told, vectors = np.linalg.eigh(np.einsum("nk,nka,nkb->nab", weight, slope, slope))
+        step = _along(vectors, b, 1.0 / np.maximum(told, 1e-9 * told[:, 1:] + 1e-12))
         middle = np.sum(weight * here, axis=1, keepdims=True)
         power = np.sum(weight * (here - middle) ** 2, axis=1)
-        same = np.sum(weight * (here - middle) * (there - middle), axis=1)
-        return same / np.maximum(power, 1e-12), np.sqrt(power)
+        unlike = np.sum(weight * (off - np.einsum("nka,na->nk", slope, step)) ** 2, axis=1)
+        same = 1.0 - 0.5 * unlike / np.maximum(power, 1e-12)
+        return _Turned(step, same, np.sqrt(power), told[:, 0] / np.maximum(told[:, 1], 1e-12))
 
 
 def straightened(points: NDArray, corners: NDArray, radius: NDArray) -> NDArray:

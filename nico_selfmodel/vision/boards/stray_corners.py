@@ -25,6 +25,8 @@ _DRAWN, _DRAWN_SHARE = 6.0, 0.25
 price of the window that was asked for."""
 _BENDS = ((60, 3), (12, 2), (0, 1))
 """Least corners -> how many coefficients of the lens are fitted."""
+_SMALL = 1e-3
+"""Share of half the board by which points are moved to see how pixels do."""
 _FIRST_FIELD, _LEAST_FIELD = 0.2, 1e-4
 """Of `a` at the start, and at least."""
 
@@ -118,10 +120,31 @@ class BoardBehindLens:
         limits = {"max_iterations": 30, "tolerance": 1e-4}  # it is held against many sigmas
         self._x = levenberg_marquardt(self._normal_equations, start, **limits).x
 
+    @classmethod
+    def of_seen(
+        cls, board: NDArray, corners: NDArray, image_size: tuple[int, int]
+    ) -> "BoardBehindLens":
+        """Fit it to those corners that are not nan; as the constructor."""
+        seen = np.isfinite(corners[:, 0])
+        return cls(board[seen], corners[seen], image_size)
+
     def pixels_of(self, board: NDArray) -> NDArray:
         """Return where other points of the board are [px]. Shape (n, 2) -> (n, 2)."""
         z, _ = self._mapped(self._x, self._spread(board))
         return np.asarray(self._centre + self.pixels * z)
+
+    def steps_at(self, board: NDArray) -> NDArray:
+        """Return how pixels move along x and y of the board, as columns [px per unit].
+
+        Args:
+            board: Points, in the same unit. Shape (n, 2).
+
+        Returns:
+            Shape (n, 2, 2).
+        """
+        ways = _SMALL * float(self._half.max()) * np.eye(2)
+        moved = [self.pixels_of(board + way) - self.pixels_of(board - way) for way in ways]
+        return np.stack(moved, axis=2) / (2.0 * ways.max())
 
     def _spread(self, board: NDArray) -> NDArray:
         """Return points with what the homography works on from -1 to 1. Shape (n, 3)."""

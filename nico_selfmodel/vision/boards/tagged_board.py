@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.vision.boards.board_detection import BoardDetection, Ink
-from nico_selfmodel.vision.boards.coded_corners import FEWEST, located, without_strays
-from nico_selfmodel.vision.boards.crossings import straightened
+from nico_selfmodel.vision.boards.exact_corners import FEWEST, exact_corners, seen_count
 from nico_selfmodel.vision.boards.tag_layout import layout_of
 from nico_selfmodel.vision.images.image_array import detectable
 from nico_selfmodel.vision.images.not_seen import NotSeen
@@ -103,12 +102,12 @@ class TaggedBoard(ABC):
         if problem:
             return NotSeen(problem)
         found = max(
-            (self._located(gray, tags, rough, window) for rough in self._rough(gray, tags)),
-            key=_count,
+            (self._located(gray, rough, window) for rough in self._rough(gray, tags)),
+            key=seen_count,
         )
-        if _count(found) < FEWEST:
+        if seen_count(found) < FEWEST:
             return NotSeen(
-                f"{len(tags.ids)} tags but only {_count(found)} corners of a {self} board are "
+                f"{len(tags.ids)} tags but only {seen_count(found)} corners of a {self} board are "
                 f"plain to see{self._other_layout(tags)}"
             )
         problem = self._problem_with(found)
@@ -132,12 +131,15 @@ class TaggedBoard(ABC):
         other = layout_of(others, _tag_corners, tags)
         return "" if other is None else f"; the tags lie as on a board of {other.columns} columns"
 
-    def _located(self, gray: NDArray, tags: TagsSeen, rough: NDArray, window: int) -> NDArray:
+    def _located(self, gray: NDArray, rough: NDArray, window: int) -> NDArray:
         """Return exact corners. Shape (P, 2)."""
-        reach = self._clear(tags.local_maps(rough) / self.tag) - _EDGE
-        exact = located(gray, rough, reach, window)
-        kept = without_strays(self.points, exact, (gray.shape[1], gray.shape[0]))[0]
-        return straightened(self.points[:, :2], kept, np.clip(reach, 0.0, window))
+        try:
+            return exact_corners(self.points[:, :2], gray, rough, self._room, window)
+        except ValueError:  # on one line
+            return np.full_like(rough, np.nan)
+
+    def _room(self, maps: NDArray) -> NDArray:
+        return self._clear(maps) - _EDGE
 
     @property
     @abstractmethod
@@ -170,7 +172,3 @@ class TaggedBoard(ABC):
 
 def _tag_corners(board: TaggedBoard) -> NDArray:
     return board.tag_corners
-
-
-def _count(corners: NDArray) -> int:
-    return int(np.count_nonzero(np.isfinite(corners[:, 0])))

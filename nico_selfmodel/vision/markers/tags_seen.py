@@ -50,16 +50,6 @@ class TagsSeen:
         kept = [k for k, tag in enumerate(self.ids) if tag in ids]
         return TagsSeen(self.family, tuple(self.ids[k] for k in kept), self.corners[kept])
 
-    def local_maps(self, places: NDArray) -> NDArray:
-        """Return sides of the tag nearest to each place, along its x and y, as columns [px].
-
-        Shape (P, 2) -> (P, 2, 2).
-        """
-        (a, b, c, d) = np.moveaxis(self.corners, 1, 0)
-        sides = 0.5 * np.stack([b - a + c - d, d - a + c - b], axis=2)
-        away = np.linalg.norm(places[:, None] - self.corners.mean(axis=1)[None], axis=2)
-        return np.asarray(sides[np.argmin(np.nan_to_num(away), axis=1)])
-
 
 def seen_tags(gray: NDArray, family: str, border: int = 1, *, apart: bool = True) -> TagsSeen:
     """Read the tags in an image.
