@@ -21,7 +21,7 @@ from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 _QUICK = ImageQuality(supersample=1)
 """What they are seen in: corners are found to a tenth of a pixel all the same."""
-_COUNTS = Counts(boards=60, circle=0, random=360, test=12)
+_COUNTS = Counts(boards=120, circle=0, random=360, test=12)
 """What arm and cameras are learned from. The hand's marker is 20 mm from the wrist's axis, about
 which it makes no circle to learn from."""
 
