@@ -9,6 +9,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 
 from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
+from nico_selfmodel.viz.figures.layout.widths_of_text import width_of
 from nico_selfmodel.viz.figures.plot_style import image_bytes, log_ticks, style
 
 _TEXT = re.compile(r"<text[^>]*>([^<]*)</text>")
@@ -30,6 +31,12 @@ def named(axes, figure):
     axes.set_xticks(range(3), ["one_long_name", "b", "Größe"], rotation=90, fontsize=7.5)
     axes.set_yticks([0.0, 0.5], ["none", "half of it"], fontsize=6.0)
     axes.tick_params(axis="x", length=0)
+
+
+def of_several_lines(axes, figure):
+    axes.set_xticks(range(2), ["kinematics\nonly", "all"])
+    axes.set_yticks([0.0, 0.5], ["none\nat all", "half"])
+    axes.xaxis.set_ticks_position("both")
 
 
 def barred(axes, figure):
@@ -78,6 +85,17 @@ def test_pictures_are_those_that_matplotlib_draws(draw):
     off = np.abs(ours - theirs).max(axis=2)
     ink = np.abs(theirs - 255.0).max(axis=2) > 30.0
     assert np.mean(off > 90.0) < 0.1 * ink.mean()
+
+
+def test_lines_of_a_label_stand_below_each_other_as_matplotlib_writes_them():
+    ours, theirs = (dict(written(drawn(kind, of_several_lines))) for kind in (PlainFigure, Figure))
+    assert set(ours) == set(theirs) >= {"kinematics", "only", "all", "none", "at all", "half"}
+    for text, (_, height) in theirs.items():
+        assert ours[text][1] == pytest.approx(height, abs=1.2), text
+
+
+def test_letters_that_the_font_lacks_have_a_width():
+    assert width_of("a\u4e2d") > width_of("a")
 
 
 def pixels(figure):

@@ -122,16 +122,20 @@ def errors_of_tree(
     """
     distance = errors.by_row()
     keep = np.isfinite(distance) & (True if keep is None else keep)
-    table = errors.observations.data.observations
-    kind = np.array([s.kind for s in errors.observations.data.sensors])[table.sensor]
+    data = errors.observations.data
+    table = data.observations
+    kind = np.array([s.kind for s in data.sensors])[table.sensor]
     of = {key: keep & np.isin(kind, kinds) for key, kinds in _KINDS.items()}
     sound = ~alone_off(errors, usual)
     there = [key for key in among if of[key].any()]
     key = there[0] if there else next((k for k in COMPARED if of[k].any()), SPACE)
     in_images = of[IMAGES]
     in_space = of[TOUCHED] if errors.in_space == TOUCHES else of[SPACE]
-    pose = np.append(errors.observations.data.pose, -1)[table.pose]
+    pose = np.append(data.pose, -1)[table.pose]
     rows, relative_to = of[key] & sound, None
+    # What moves freely is where each pose itself says: it tells nothing of new ones.
+    steady = rows & ~np.isin(data.seen_on, data.free_joints)
+    rows = steady if steady.any() else rows
     compared = _by_pose(distance, pose, rows) if there else np.zeros(0)
     if usual is not None and len(compared):
         median = float(np.median(compared))

@@ -51,7 +51,9 @@ def tree_result(calibration: TreeCalibration) -> CalibrationResult:
     """
     solution, data = calibration.solution, calibration.data
     crossed, held = calibration.cross_validation, calibration.test
-    test = None if held is None else errors_of_tree(held, usual=calibration.usual_test)
+    # Both are told in units of what is usual, or neither.
+    usual_test = None if calibration.usual is None else calibration.usual_test
+    test = None if held is None else errors_of_tree(held, usual=usual_test)
     among = COMPARED if test is None else (test.compared_by,)
     usual = None if test is not None and test.relative_to is None else calibration.usual
     inliers = ~solution.outliers

@@ -28,6 +28,8 @@ _LOOKS = {"fontsize": "labelsize", "rotation": "labelrotation", "color": "labelc
 """How `set_ticklabels` calls what `set_tick_params` has other words for."""
 
 _DRAWN = ("tick", "label")
+_LINE = 1.2
+"""From line to line of a label, in heights of a line: Matplotlib's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,29 +193,41 @@ class _TicksAtOnce:
         if not self._asked("major", f"label{side}On", side == 1):
             return
         shown, at = self._places("major")
-        words = self.major.formatter.format_ticks(self.get_majorticklocs())
+        words = np.array(self.major.formatter.format_ticks(self.get_majorticklocs()), dtype=object)
         dot = self.figure.dpi / 72.0
         font = FontProperties(size=self._set("major", "labelsize"))
         size = font.get_size_in_points() * dot
         upright, (up, down) = self._upright, (size * part for part in ascent_and_descent())
         off = self._reach("major", "size") + self._reach("major", "pad")
         edge = self._edges()[side - 1] + off * (2 * side - 3)
-        for place, text, visible in zip(at.tolist(), words, shown.tolist(), strict=True):
-            if not (visible and text):
-                continue
+        for place, text, higher in self._lines(at[shown], words[shown], side, up + down):
             along = size * width_of(text)
             if isinstance(renderer, RendererAgg):  # whose dots widen letters
                 along = renderer.get_text_width_height_descent(text, font, False)[0]
             wide, tall = (up + down, along) if upright else (along, up + down)
             if self.across == 0:
-                left, low = place - 0.5 * wide, edge - (tall if side == 1 else 0.0)
-                anchor = (place, edge)
+                left, low = place - 0.5 * wide, edge - (tall if side == 1 else 0.0) + higher
+                anchor = (place, edge + higher)
             else:
                 # the middle of letters without tails is where the tick is
-                low = place - 0.5 * up - down
-                left, anchor = edge - (wide if side == 1 else 0.0), (edge, place)
+                low = place - 0.5 * up - down + higher
+                left, anchor = edge - (wide if side == 1 else 0.0), (edge, place + higher)
             base = (left + up, low) if upright else (left, low + down)
             yield _Label(text, *base, anchor, Bbox.from_bounds(left, low, wide, tall))
+
+    def _lines(
+        self: Any, places: NDArray, words: NDArray, side: int, tall: float
+    ) -> Iterator[tuple[float, str, float]]:
+        """Yield each line of labels: its tick's place, and how much higher it is [dots].
+
+        Below an axis the first line is nearest to it, above it the last, and beside it the middle.
+        """
+        for place, text in zip(places.tolist(), words.tolist(), strict=True):
+            lines = text.split("\n")
+            first = 0.5 * self.across if self.across else float(side == 2)
+            for k, line in enumerate(lines):
+                if line:
+                    yield place, line, _LINE * tall * (first * (len(lines) - 1) - k)
 
     def _draw_labels(self: Any, renderer: RendererBase) -> None:
         font = FontProperties(size=self._set("major", "labelsize"))

@@ -26,7 +26,9 @@ def ascent_and_descent() -> tuple[float, float]:
 
 @cache
 def _advance(letter: str) -> float:
-    glyph = _font().load_char(ord(letter), flags=LoadFlags.NO_HINTING)
+    font = _font()
+    # Index 0 is what is drawn in place of letters that the font does not have.
+    glyph = font.load_glyph(font.get_char_index(ord(letter)), flags=LoadFlags.NO_HINTING)
     return glyph.linearHoriAdvance / 65536.0 / _SIZE
 
 
