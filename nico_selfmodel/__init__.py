@@ -6,10 +6,9 @@ diagram is composed of is in `nico_selfmodel.systems`, `nico_selfmodel.plant` an
 nico_selfmodel` costs nothing.
 """
 
-from typing import TYPE_CHECKING
-
 from nico_selfmodel.lazy import lazy_names
 
+TYPE_CHECKING = False  # for readers of types; `typing` itself takes longer to load than all of this
 if TYPE_CHECKING:
     from nico_selfmodel.dataset.body.body_folder import load_body_dataset
     from nico_selfmodel.dataset.dataset import Dataset

@@ -71,3 +71,10 @@ def test_importing_the_package_takes_less_than_a_twentieth_of_a_second():
         for _ in range(5)
     ]
     assert min(seconds) < 0.05
+
+
+def test_importing_the_package_loads_nothing_that_takes_long():
+    loaded = "import sys, nico_selfmodel; print(*sys.modules)"
+    names = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True)
+    assert "nico_selfmodel.lazy" in names.stdout.split()
+    assert not {"typing", "re", "numpy"} & set(names.stdout.split())

@@ -53,6 +53,19 @@ def test_help_takes_little_longer_than_loading_typer():
     assert ours / peer <= 2.2
 
 
+def test_importing_the_package_takes_little_beside_pythons_start():
+    ours, peer = processor_seconds(python("import nico_selfmodel"), python("pass"), rounds=15)
+    print(f"{ours:.3f} s, {ours / peer:.2f} times Python's start")
+    assert ours / peer <= 1.5
+
+
+def test_reports_load_matplotlib_in_less_time_than_it_takes_itself():
+    quick = "from nico_selfmodel.viz.figures.quick_artists import load_quickly; load_quickly()"
+    ours, peer = processor_seconds(python(quick), python("import matplotlib.figure"), rounds=7)
+    print(f"{ours:.2f} s, {ours / peer:.2f} times matplotlib's own")
+    assert ours / peer <= 0.88
+
+
 @pytest.mark.parametrize("report", [False, True])
 def test_learning_an_arm_of_few_poses_takes_little_beside_its_libraries(tmp_path, report):
     data, out = tmp_path / "data", tmp_path / "out"
