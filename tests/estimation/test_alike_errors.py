@@ -1,16 +1,25 @@
 """Errors that poses share with poses that are alike: a controller whose arm is not quite right."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from nico_selfmodel.dataset.body.sensors import SensorInfo
 from nico_selfmodel.estimation.judging import judge, result_of
 from nico_selfmodel.estimation.noise.alike_errors import AlikeErrors, Decorrelation, alike_basis
 from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
+from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
+from nico_selfmodel.estimation.tree.tree_setup import Wishes, setup_of
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vectors_of
 from nico_selfmodel.geometry.transform import inverse, transform
 
+from .simulated_trees import observed, one_arm
 from .test_one_problem import flange_dataset
 
 
@@ -105,3 +114,67 @@ def test_errors_that_are_alike_are_told():
     assert found.cross_validation is not None
     none, _ = squares(3, 60, turn=0.0, place=0.0, own=(np.radians(0.1), 5e-4))
     assert result_of(none).details["alike_errors"] == {}
+
+
+def arm_with_turns_off_alike(seed, turn, alone=1e-3):
+    """An arm before a sensor of poses; turns are off by a smooth function of these, and alone."""
+    joint = np.radians(0.03)
+    sim, rng = one_arm(seed, poses=80, joint_sigma=joint), np.random.default_rng((seed, 7))
+    sigma = {"poses": 4e-4, "points": 4e-4, "turn": alone}
+    seen = (*(sim.data.joints, sim.data.markers), (SensorInfo("tracker", "poses"),))
+    data = observed(sim.tree, *seen, sim.readings_true, rng, sigma=sigma, joint_sigma=joint)
+    values = data.observations.values.copy()
+    R = rotation_from_vector(values[:, 3:])
+    at = np.hstack([R[:, :, 0], R[:, :, 1], values[:, :3] / 0.3])
+    waves = np.cos(at @ rng.normal(scale=0.5, size=(9, 60)) + rng.uniform(0.0, 2.0 * np.pi, 60))
+    off = turn * np.sqrt(2.0 / 60.0) * waves @ rng.normal(size=(60, 3))
+    values[:, 3:] = rotation_vectors_of(rotation_from_vector(off) @ R)
+    return sim.tree, replace(data, observations=replace(data.observations, values=values))
+
+
+def errors_in_sigmas(true, data):
+    """Return the solution from the truth, and errors of what is free in standard deviations."""
+    parameters = TreeParameters(true)
+    setup = setup_of(data, parameters, None, Wishes())
+    residuals = TreeResiduals(TreeObservations.of(data), parameters)
+    problem = TreeProblem(residuals, setup.free, setup.priors)
+    values = parameters.values_of(true)
+    found = problem.refine(values)
+    C = np.linalg.pinv(found.whitened.T @ found.whitened, rcond=1e-13)
+    return found, (found.values - values)[problem.columns] / np.sqrt(np.diag(C))
+
+
+def test_turns_of_a_sensor_that_are_off_alike_are_no_slips_of_joints_and_counted():
+    # Taken for each pose's own, squares are 11 in the mean and joints slip.
+    squares = []
+    for seed in (0, 1):
+        found, off = errors_in_sigmas(*arm_with_turns_off_alike(seed, turn=3e-3))
+        squares += (off**2).tolist()
+        (alike,) = found.noise.alike
+        assert alike.turns == 1
+        assert alike.alone == pytest.approx(np.full(3, 1e-3), rel=0.2)
+        assert alike.sigma == pytest.approx(np.full(3, 3e-3), rel=0.5)
+        assert found.noise.sensor[1] == pytest.approx(np.hypot(alike.alone, alike.sigma)[0])
+        assert not found.slipped.any()
+    assert 0.4 < np.mean(squares) < 2.0
+
+
+def test_sound_turns_of_a_sensor_share_nothing():
+    for seed in (0, 1):
+        found, _ = errors_in_sigmas(*arm_with_turns_off_alike(seed, turn=0.0))
+        assert not found.noise.alike
+
+
+def test_turns_of_a_sensor_that_are_off_alike_are_told():
+    found = calibrate_tree(arm_with_turns_off_alike(2, turn=3e-3)[1], effects=())
+    said = result_of(found).details["alike_errors"]["tracker"]
+    assert said["shared_turn"] > 2.0 * said["own_turn"]
+    assert set(said) == {"shared_turn", "own_turn"}
+    (words,) = (words for words in judge(found).warnings if "off alike in poses alike" in words)
+    assert words.startswith("how 'tracker' takes markers to be turned is off")
+
+
+@pytest.mark.slow
+def test_error_bars_count_what_turns_of_a_sensor_share():
+    off = [errors_in_sigmas(*arm_with_turns_off_alike(s, 3e-3))[1] for s in range(10, 30)]
+    assert 0.8 < np.mean(np.concatenate(off) ** 2) < 1.25

@@ -1,8 +1,8 @@
 """Errors that poses share with poses that are alike.
 
 What a controller tells of its flange is off by what its arm is not quite as it has it: nearly the
-same in poses that are nearly the same. Such an error is a Gaussian process over poses, of
-covariance
+same in poses that are nearly the same. So is what a camera tells of how a board is turned: lens and
+print are off in the same way again. Such an error is a Gaussian process over poses, of covariance
 
     K_kl = exp(-(a_kl^2 / A^2 + d_kl^2 / D^2) / (2 s^2))
 
@@ -53,6 +53,8 @@ class AlikeErrors:
     """g of each part of a pose's errors; 0 of what is each pose's own. Shape (m,)."""
     alone: NDArray
     """Standard deviation of what is each pose's own besides. Shape (m,)."""
+    turns: int | None = None
+    """Noise group of a sensor of whose measured turns, m = 3, these are; None of a flange's."""
 
     def columns(self, by_part: NDArray, pose: NDArray) -> NDArray:
         """Return what w of N(0, 1) do to rows.

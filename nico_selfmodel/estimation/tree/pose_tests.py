@@ -14,7 +14,10 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import ContradictedError
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.pose_noise import FREE_SIGMA, PoseWhitening
+from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
+from nico_selfmodel.estimation.tree.tree_noise import beside_shared, tree_whitening
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
 from nico_selfmodel.optimization.chi_square import as_rare_as
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 from nico_selfmodel.optimization.uncertainty import covariance_told_by
@@ -41,6 +44,44 @@ _SHARES = np.array([0.02, 0.05, 0.1, 0.2, 0.35])
 """Parts of the poses in which a joint may slip."""
 _SIZES = np.array([3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4])
 """Squares of what it may slip by, in variances that a pose in the middle tells it to."""
+
+
+def tested(
+    data: TreeObservations,
+    linear: TreeLinear,
+    groups: PoseGroups,
+    noise: TreeNoise,
+    prior: NDArray,
+    outliers: NDArray,
+) -> tuple[NDArray, NDArray, float | None]:
+    """Return which joints slipped and which observations are outliers, beside what poses share.
+
+    Args:
+        data: What was measured.
+        linear: Residuals, and their derivatives by what is estimated.
+        groups: What belongs to one pose.
+        noise: What disturbs the recording.
+        prior: Information of the priors on their diagonal. Shape (p,).
+        outliers: Those that do not count, by row of the table. Boolean, shape (N,).
+
+    Returns:
+        See `slipped_joints` and `far_observations`, and what joint noise is then as a part of what
+        it is there, as `slipped_joints` has it.
+    """
+    own = noise.own
+    linear, prior = beside_shared(data, linear, prior, noise.alike)
+    scale = own.sensor[data.noise_group]
+    r, J = linear.r / scale, (linear.J / scale).T
+    found, part = slipped_joints(tree_whitening(data, linear, groups, own), r, J, prior)
+    found &= ~data.unread
+    far = far_observations(
+        *(data, tree_whitening(data, linear, groups, own, found), r, J, prior, outliers),
+        by_joint=linear.by_joint / scale[:, None],
+        sigma=own.joint,
+        slipped=found,
+        took=linear.took,
+    )
+    return found, far, part
 
 
 def slipped_joints(

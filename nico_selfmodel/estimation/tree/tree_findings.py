@@ -20,6 +20,7 @@ from nico_selfmodel.estimation.tree.contradictions.exchanged_markers import exch
 from nico_selfmodel.estimation.tree.pose_tests import FEWEST_SLIPS
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
+from nico_selfmodel.estimation.tree.tree_observations import TURN_NOISE
 from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE
 from nico_selfmodel.names import listed
 
@@ -137,7 +138,7 @@ def _slip_words(calibration: TreeCalibration) -> list[str]:
 
 
 def alike_errors(calibration: TreeCalibration) -> dict[str, dict[str, float]]:
-    """Return what errors of each flange are shared by poses that are alike, and what are not.
+    """Return what errors of flanges and sensors are shared by poses that are alike, and are not.
 
     Args:
         calibration: What was learned.
@@ -145,27 +146,39 @@ def alike_errors(calibration: TreeCalibration) -> dict[str, dict[str, float]]:
     Returns:
         Standard deviations [rad and m] by name; nothing where each pose's error is its own.
     """
-    alike, seen = calibration.solution.noise.alike, calibration.train.observations
-    if alike is None:
-        return {}
+    seen = calibration.train.observations
     out: dict[str, dict[str, float]] = {}
-    for k in np.flatnonzero(alike.sigma > 0.0).tolist():
-        i, part = seen.noisy_joints[k]
-        own = out.setdefault(calibration.data.joints[i].name, {})
-        kind = "turn" if part < 3 else "place"
-        own |= {f"shared_{kind}": float(alike.sigma[k]), f"own_{kind}": float(alike.alone[k])}
+    for alike in calibration.solution.noise.alike:
+        for k in np.flatnonzero(alike.sigma > 0.0).tolist():
+            if alike.turns is None:
+                i, part = seen.noisy_joints[k]
+                name = calibration.data.joints[i].name
+            else:
+                name, part = seen.noise_groups[alike.turns].removesuffix(f" {TURN_NOISE}"), k
+            kind = "turn" if part < 3 else "place"
+            both = {f"shared_{kind}": float(alike.sigma[k]), f"own_{kind}": float(alike.alone[k])}
+            out.setdefault(name, {}).update(both)
     return out
 
 
 def _alike_words(calibration: TreeCalibration) -> list[str]:
-    return [
-        f"what the controller says of {name!r} is off alike in poses alike, by "
-        f"{np.degrees(one['shared_turn']):.2f} deg and {1e3 * one['shared_place']:.2f} mm, besides "
-        f"{np.degrees(one['own_turn']):.2f} deg and {1e3 * one['own_place']:.2f} mm of each pose's "
-        "own: error bars count it, and more poses like these tell little more; record poses "
-        "elsewhere in the workspace, or calibrate the arm itself"
-        for name, one in alike_errors(calibration).items()
-    ]
+    out = []
+    for name, one in alike_errors(calibration).items():
+        shared, own = (f"{np.degrees(one[f'{of}_turn']):.2f} deg" for of in ("shared", "own"))
+        subject = f"how {name!r} takes markers to be turned"
+        advice = "better lenses, larger markers or a flatter board help"
+        if "shared_place" in one:
+            shared, own = (
+                f"{words} and {1e3 * one[f'{of}_place']:.2f} mm"
+                for of, words in (("shared", shared), ("own", own))
+            )
+            subject = f"what the controller says of {name!r}"
+            advice = "record poses elsewhere in the workspace, or calibrate the arm itself"
+        out.append(
+            f"{subject} is off alike in poses alike, by {shared}, besides {own} of each pose's "
+            f"own: error bars count it, and more poses like these tell little more; {advice}"
+        )
+    return out
 
 
 def _outlier_words(calibration: TreeCalibration) -> list[str]:

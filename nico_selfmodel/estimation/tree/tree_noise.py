@@ -1,12 +1,12 @@
 """What disturbs a recording, by what an adjustment leaves of it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset.body.sensors import TOUCHES
+from nico_selfmodel.dataset.body.sensors import POSES, TOUCHES
 from nico_selfmodel.estimation.noise.alike_errors import AlikeErrors, alike_basis
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise, PoseWhitening
@@ -19,6 +19,8 @@ from nico_selfmodel.estimation.noise.variance_components import (
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_tree import FLANGE, FREE
 from nico_selfmodel.optimization.losses import Loss, robust_scale
 from nico_selfmodel.optimization.uncertainty import covariance_told_by
@@ -157,6 +159,8 @@ def tree_whitening(
 ) -> PoseWhitening:
     """Return what whitens poses, of rows in their sensors' standard deviations.
 
+    Where it is joined these are those of `TreeNoise.own`.
+
     Args:
         data: What was measured.
         linear: Derivatives by the joints' errors.
@@ -165,14 +169,14 @@ def tree_whitening(
         slipped: Joints that were read wrongly in a pose, if any. Boolean, (poses, m).
         joined: Whiten also what poses share with each other; else all of it counts as their own.
     """
-    by_joint = linear.by_joint / noise.sensor[data.noise_group][:, None]
-    loose, alike = data.unread_in(groups.poses, slipped), noise.alike if joined else None
-    own = noise.joint if alike is None else alike.alone
-    whitening = PoseWhitening(groups, by_joint[:, None], PoseNoise(1.0, own), loose)
-    if alike is None:
+    at = noise.own if joined else noise
+    scale = at.sensor[data.noise_group][:, None]
+    loose, own = data.unread_in(groups.poses, slipped), PoseNoise(1.0, at.joint)
+    whitening = PoseWhitening(groups, (linear.by_joint / scale)[:, None], own, loose)
+    if not joined or not noise.alike:
         return whitening
-    pose = data.data.observations.pose[data.row]
-    return whitening.sharing(alike.columns(by_joint, pose)[:, None])
+    columns = np.hstack([_columns(data, linear, one) for one in noise.alike])
+    return whitening.sharing((columns / scale)[:, None])
 
 
 def likeliest_alike(
@@ -183,7 +187,9 @@ def likeliest_alike(
     start: TreeNoise,
     information: NDArray,
 ) -> TreeNoise | None:
-    """Return the noise in which errors of a flange are shared by poses that are alike.
+    """Return the noise in which errors are shared by poses that are alike.
+
+    Asked are the errors of a flange, and the turns that each sensor of poses measures.
 
     Args:
         data: What was measured.
@@ -194,35 +200,120 @@ def likeliest_alike(
         information: Inverse variances of what is known beforehand. Shape (P,).
 
     Returns:
-        None where nothing is a flange's, or each pose's error is its own.
+        None where each pose's error is its own.
     """
-    parts = [
-        k for k, (i, _) in enumerate(data.noisy_joints) if data.data.joints[i].motion == FLANGE
-    ]
-    joints = {data.noisy_joints[k][0] for k in parts}
-    if len(joints) != 1 or groups.poses < _FEWEST_ALIKE:
-        return None
-    X = data.data.X_flange[:, joints.pop()]
-    pose = data.data.observations.pose[data.row]
-    best, most = None, _variances(data, linear, groups, slipped, start, information).likelihood
+    best: TreeNoise | None = None
+    known = replace(start, alike=())
+    for X, first in _asked(data, groups, known):
+        found = _shared(data, linear, groups, slipped, known, information, X, first)
+        if found is not None:
+            best = known = found
+    return best
+
+
+def _asked(
+    data: TreeObservations, groups: PoseGroups, start: TreeNoise
+) -> Iterator[tuple[NDArray, AlikeErrors]]:
+    """Yield poses, shape (N, 4, 4), and where the search for what they share begins."""
+    flanges = np.array([data.data.joints[i].motion == FLANGE for i, _ in data.noisy_joints])
+    joints = {data.noisy_joints[k][0] for k in np.flatnonzero(flanges).tolist()}
+    nothing = np.zeros((0, 0))
+    if len(joints) == 1 and groups.poses >= _FEWEST_ALIKE:
+        sigma = np.where(flanges, _FIRST_SHARED * start.joint, 0.0)
+        yield data.data.X_flange[:, joints.pop()], AlikeErrors(nothing, sigma, start.joint)
+    for rows in data.sensors:
+        group = int(data.noise_group[rows.scalars][-1])
+        alone = (data.noise_group == group).sum() == 3 * len(rows.rows)
+        enough = len(np.unique(rows.pose)) >= _FEWEST_ALIKE
+        if rows.kind == POSES and alone and enough and not rows.apart:
+            measured = rows.measured
+            X = transform(rotation_from_vector(measured[:, 3:]), measured[:, :3])
+            sigma = np.full(3, start.sensor[group])
+            yield X, AlikeErrors(nothing, _FIRST_SHARED * sigma, sigma, group)
+
+
+def _columns(data: TreeObservations, linear: TreeLinear, alike: AlikeErrors) -> NDArray:
+    """Return what shared errors of N(0, 1) do to residuals. Shape (R, q)."""
+    if alike.turns is None:
+        return alike.columns(linear.by_joint, data.data.observations.pose[data.row])
+    turns = np.flatnonzero(data.noise_group == alike.turns).reshape(-1, 3)
+    by_part, row = np.zeros((len(linear.r), 3)), np.zeros(len(linear.r), dtype=int)
+    by_part[turns] = np.eye(3)
+    row[turns] = np.arange(len(turns))[:, None]
+    return alike.columns(by_part, row)
+
+
+def _shared(
+    data: TreeObservations,
+    linear: TreeLinear,
+    groups: PoseGroups,
+    slipped: NDArray | None,
+    start: TreeNoise,
+    information: NDArray,
+    X: NDArray,
+    first: AlikeErrors,
+) -> TreeNoise | None:
+    """Return the noise in which poses X share errors besides; None where that is not likelier."""
+    linear, information = beside_shared(data, linear, information, start.alike)
+    known = start.own
+    best, most = None, _variances(data, linear, groups, slipped, known, information).likelihood
     most += DECISIVE
     for size in _SIZES:
-        sigma = np.zeros(len(start.joint))
-        sigma[parts] = _FIRST_SHARED * start.joint[parts]
-        alike = AlikeErrors(alike_basis(X, size), sigma, start.joint)
-        noise = replace(start, joint=np.where(sigma > 0.0, _FIRST_ALONE, 1.0) * start.joint)
+        alike, noise = replace(first, basis=alike_basis(X, size)), _first_own(known, first)
         for _ in range(_ALIKE_ROUNDS):
-            columns = alike.columns(linear.by_joint, pose)
-            wider = replace(linear, J=np.vstack([linear.J, columns.T]))
-            known = np.append(information, np.ones(columns.shape[1]))
-            found = _variances(data, wider, groups, slipped, noise, known)
+            wider, also = beside_shared(data, linear, information, (alike,))
+            found = _variances(data, wider, groups, slipped, noise, also)
             noise = TreeNoise(found.sensor, found.joint)
             if found.likelihood > most:
-                both, most = np.hypot(found.joint, alike.sigma), found.likelihood
-                best = TreeNoise(found.sensor, both, replace(alike, alone=found.joint))
-            told = _asked_for(data, wider, groups, slipped, noise, known)
+                best, most = _with_shared(start, noise, alike), found.likelihood
+            told = _asked_for(data, wider, groups, slipped, noise, also)
             alike = replace(alike, sigma=_as_told(alike, told, data.noisy_joints))
     return best
+
+
+def beside_shared(
+    data: TreeObservations, linear: TreeLinear, information: NDArray, alike: Sequence[AlikeErrors]
+) -> tuple[TreeLinear, NDArray]:
+    """Return what is linear, and what is known of it beforehand, with shared errors as parameters.
+
+    Args:
+        data: What was measured.
+        linear: Residuals, and their derivatives by what is estimated.
+        information: Inverse variances of what is known beforehand. Shape (P,).
+        alike: Errors that poses share; as parameters N(0, 1) they follow the others.
+    """
+    for one in alike:
+        columns = _columns(data, linear, one)
+        linear = replace(linear, J=np.vstack([linear.J, columns.T]))
+        information = np.append(information, np.ones(columns.shape[1]))
+    return linear, information
+
+
+def _first_own(noise: TreeNoise, alike: AlikeErrors) -> TreeNoise:
+    """Return where the search for what is each pose's own begins."""
+    sensor, joint = noise.sensor.copy(), noise.joint.copy()
+    if alike.turns is None:
+        joint[alike.sigma > 0.0] *= _FIRST_ALONE
+    else:
+        sensor[alike.turns] *= _FIRST_ALONE
+    return TreeNoise(sensor, joint)
+
+
+def _with_shared(before: TreeNoise, own: TreeNoise, alike: AlikeErrors) -> TreeNoise:
+    """Return all noise, what poses share in `sensor` and `joint` too."""
+    alone = own.joint if alike.turns is None else np.full(3, own.sensor[alike.turns])
+    shared = []
+    for one in before.alike:
+        now = own.joint if one.turns is None else np.full(3, own.sensor[one.turns])
+        shared.append(replace(one, alone=now))
+    shared.append(replace(alike, alone=alone))
+    sensor, joint = own.sensor.copy(), own.joint.copy()
+    for one in shared:
+        if one.turns is None:
+            joint = np.hypot(joint, one.sigma)
+        else:
+            sensor[one.turns] = np.hypot(sensor[one.turns], np.sqrt(np.mean(one.sigma**2)))
+    return TreeNoise(sensor, joint, tuple(shared))
 
 
 def _asked_for(
@@ -248,8 +339,11 @@ def _as_told(
     own = np.flatnonzero(alike.sigma > 0.0)
     mean, variance = (one[-len(own) * alike.basis.shape[1] :].reshape(len(own), -1) for one in told)
     out = alike.sigma.copy()
-    turns = np.array([noisy[k][1] < 3 for k in own.tolist()])
+    of_turns = alike.turns is not None
+    turns = np.array([of_turns or noisy[k][1] < 3 for k in own.tolist()])
     for group in (turns, ~turns):
+        if not group.any():
+            continue
         # v <- |w|^2 / (n - tr C), in units of v (MacKay 1992).
         size = np.sum(mean[group] ** 2) / max(float(np.sum(1.0 - variance[group])), 1e-6)
         out[own[group]] *= float(np.sqrt(max(size, 1e-6)))

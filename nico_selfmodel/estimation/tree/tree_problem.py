@@ -20,12 +20,7 @@ from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
 from nico_selfmodel.estimation.tree.forward.joint_errors import joint_errors
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
-from nico_selfmodel.estimation.tree.pose_tests import (
-    check_that_some_agree,
-    far_observations,
-    regrouped,
-    slipped_joints,
-)
+from nico_selfmodel.estimation.tree.pose_tests import check_that_some_agree, regrouped, tested
 from nico_selfmodel.estimation.tree.tree_block import TreeBlock
 from nico_selfmodel.estimation.tree.tree_noise import (
     likeliest_alike,
@@ -93,6 +88,11 @@ class TreeProblem:
         """Standard deviation of each scalar's sensor. Shape (R,)."""
         return self.noise.sensor[self.observations.noise_group]
 
+    @property
+    def _own_scale(self) -> NDArray:
+        """The same without what poses share, as whitening is `joined`. Shape (R,)."""
+        return self.noise.own.sensor[self.observations.noise_group]
+
     def program(
         self, values: NDArray, whitening: PoseWhitening | None, pulled: NDArray | None = None
     ) -> CalibrationProgram:
@@ -105,7 +105,9 @@ class TreeProblem:
             return self.linear_at(self._with(values, x), start)
 
         free = self.free_names, self.columns
-        block = TreeBlock(self.observations, free, linear, self.scale, whitening, pulled)
+        joined = whitening is not None and whitening.shared is not None
+        scale = self._own_scale if joined else self.scale
+        block = TreeBlock(self.observations, free, linear, scale, whitening, pulled)
         program.add_residuals(block)
         for name, (mean, sigma) in self.priors.items():
             program.add_prior(name, mean, sigma)
@@ -218,26 +220,30 @@ class TreeProblem:
             if same and self.noise.is_like(before) and settled:
                 break
         if known and not self._noise_known:
-            self._share(values, groups, slipped, found)
+            slipped = self._share(values, slipped, found, trim=trim)
         return self._finish(values, slipped, found, known, steps)
 
     def _share(
-        self, values: NDArray, groups: PoseGroups, slipped: NDArray, outliers: NDArray
-    ) -> None:
-        """Let poses that are alike share errors where they do."""
+        self, values: NDArray, slipped: NDArray, outliers: NDArray, *, trim: bool
+    ) -> NDArray:
+        """Let poses that are alike share errors where they do; return slips beside these."""
+        groups = self.observations.groups(outliers)
         for _ in range(_SHARED_ROUNDS):
             linear = self._linear(values, outliers)
             found = likeliest_alike(*self._asking(linear, groups, slipped, values))
             if found is None:
                 break
             self.noise = found
-            whitening = tree_whitening(
-                self.observations, linear, groups, self.noise, slipped, joined=True
-            )
-            solution = self.program(values, whitening, linear.pulled).solve(
-                max_iterations=_STEPS_BETWEEN, tolerance=1e-7
-            )
-            values = self._with(values, solution.x)
+            how = linear, groups, self.noise, slipped
+            whitening = tree_whitening(self.observations, *how, joined=True)
+            program = self.program(values, whitening, linear.pulled)
+            x = program.solve(max_iterations=_STEPS_BETWEEN, tolerance=1e-7).x
+            values = self._with(values, x)
+            if trim and any(one.turns is not None for one in found.alike):
+                # What a sensor's turns share had been taken for slips of joints.
+                linear = self._about_poses(values, groups, slipped, outliers)
+                slipped = self._tested(linear, groups, outliers)[0]
+        return slipped
 
     def solve_from(self, before: TreeSolution) -> TreeSolution:
         """Solve where an adjustment of less that was free ended, its noise and outliers kept.
@@ -306,10 +312,10 @@ class TreeProblem:
         """Return whitened derivatives by what is free, and residuals, of what counts."""
         groups = self.observations.groups(outliers)
         linear = self._linear(values, outliers)
-        r = (linear.r / self.scale)[None]
+        r = (linear.r / self._own_scale)[None]
         by_all = linear.J[self.columns]
         by_all = by_all if beside is None else np.vstack([by_all, beside.T])
-        J = (by_all / self.scale)[:, None]
+        J = (by_all / self._own_scale)[:, None]
         whitening = tree_whitening(
             self.observations, linear, groups, self.noise, slipped, joined=True
         )
@@ -382,18 +388,8 @@ class TreeProblem:
         self, linear: TreeLinear, groups: PoseGroups, outliers: NDArray
     ) -> tuple[NDArray, NDArray]:
         """Return what slipped and what is an outlier at the solution."""
-        plain = tree_whitening(self.observations, linear, groups, self.noise)
-        r, J = linear.r / self.scale, (linear.J[self.columns] / self.scale).T
         prior = tree_priors.information_of(self.priors, self.free_names)
-        found, part = slipped_joints(plain, r, J, prior)
-        found &= ~self.observations.unread
+        mine = replace(linear, J=linear.J[self.columns])
+        found, far, part = tested(self.observations, mine, groups, self.noise, prior, outliers)
         self._joint_part = 1.0 if part is None else part * self._joint_part
-        whitening = tree_whitening(self.observations, linear, groups, self.noise, found)
-        far = far_observations(
-            *(self.observations, whitening, r, J, prior, outliers),
-            by_joint=linear.by_joint / self.scale[:, None],
-            sigma=self.noise.joint,
-            slipped=found,
-            took=linear.took,
-        )
         return found, far

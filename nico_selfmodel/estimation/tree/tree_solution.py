@@ -19,8 +19,19 @@ class TreeNoise:
     """Standard deviations of the noise groups [m, rad or px]. Shape (G,)."""
     joint: NDArray
     """Standard deviations of what is read, all that disturbs it together [rad or m]. Shape (m,)."""
-    alike: AlikeErrors | None = None
-    """What of it poses share with poses that are alike; None where each pose has its own."""
+    alike: tuple[AlikeErrors, ...] = ()
+    """What of it poses share with poses that are alike; nothing where each pose has its own."""
+
+    @property
+    def own(self) -> "TreeNoise":
+        """What each pose has of its own, without what poses share."""
+        sensor, joint = self.sensor.copy(), self.joint
+        for one in self.alike:
+            if one.turns is None:
+                joint = one.alone
+            else:
+                sensor[one.turns] = one.alone[0]
+        return TreeNoise(sensor, joint)
 
     def is_like(self, other: "TreeNoise") -> bool:
         """Whether no standard deviation changed."""
