@@ -93,6 +93,23 @@ def test_200_pictures_as_often_as_opencv_without_bias(kind, prints):
     assert_true(kind, range(1000, 1200), prints)
 
 
+@pytest.mark.parametrize(("room", "seen"), [(8, True), (4, True), (2, False)])
+def test_circles_at_the_edge_are_where_they_are(room, seen, prints):
+    """With so many pixels beyond the circle that is nearest to the image's upper edge."""
+    photo = photograph("asymmetric", 2000, prints, hidden=0.0)
+    whole = BOARDS["asymmetric"].find(photo.image, 11)
+    top = int(photo.pixels[:, 1].argmin())
+    u, v = np.rint(photo.pixels[top]).astype(int)
+    radius = int(np.argmax(photo.image[v::-1, u] > 120))
+    cut = v - radius - room
+    found = BOARDS["asymmetric"].find(np.ascontiguousarray(photo.image[cut:]), 11)
+    if not seen:
+        assert "not plain to see" in found.reason
+        return
+    moved = found.corners + np.array([0.0, cut]) - whole.corners
+    assert np.abs(moved).max() < 0.03
+
+
 @pytest.mark.parametrize("kind", ["charuco", "april"])
 def test_what_a_card_hides_is_not_seen_and_the_rest_is(kind, prints):
     photo = photograph(kind, 4, prints, hidden=0.5)

@@ -27,6 +27,8 @@ _SEARCHED = 2_500_000
 """Pixels of the copy of a large image in which circles are looked for."""
 _REACH = 1.35
 """Radii up to which what is dark belongs to a circle."""
+_AROUND = 3.0
+"""What must be seen around a circle at the image's edge [px]: with 2 px it is 0.08 px off."""
 _ROUND = 48
 """Points on a circle."""
 _CONTRAST = 15.0
@@ -187,16 +189,19 @@ def _dark_centroid(gray: NDArray, wide: NDArray, outline: NDArray) -> NDArray | 
 
     What is light around it may fall off in any direction: it is taken as a plane.
     """
-    low = np.floor(wide.min(axis=0)).astype(int) - 1
-    high = np.ceil(wide.max(axis=0)).astype(int) + 2
-    if (low < 0).any() or (high > np.array(gray.shape[::-1])).any():
+    middle, size = outline.mean(axis=0), np.array(gray.shape[::-1])
+    room, reach = np.minimum(middle, size - 1.0 - middle), np.abs(wide - middle).max(axis=0)
+    fits = min(1.0, float((room / reach).min()))
+    if (fits * reach - np.abs(outline - middle).max(axis=0)).min() < _AROUND:
         return None
+    wide = middle + fits * (wide - middle)
+    low = np.maximum(np.floor(wide.min(axis=0)).astype(int) - 1, 0)
+    high = np.minimum(np.ceil(wide.max(axis=0)).astype(int) + 2, size)
     part = gray[low[1] : high[1], low[0] : high[0]].astype(float)
     u, v = np.meshgrid(np.arange(part.shape[1]), np.arange(part.shape[0]))
     inside = np.zeros(part.shape, np.uint8)
     cv2.fillPoly(inside, [np.rint((wide - low) * 16).astype(np.int32)], 1, shift=4)
     core = np.zeros(part.shape, np.uint8)
-    middle = outline.mean(axis=0)
     cv2.fillPoly(
         core, [np.rint((outline * 0.5 + middle * 0.5 - low) * 16).astype(np.int32)], 1, shift=4
     )
