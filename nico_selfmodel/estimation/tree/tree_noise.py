@@ -391,7 +391,7 @@ def _variances(
 
 
 def _rms_by_group(r: NDArray, data: TreeObservations, kept: NDArray) -> NDArray:
-    """Return the root mean square of the scalars that count of each noise group. Shape (G,)."""
+    """Return the root mean square of what counts of each noise group, 0 of nothing. Shape (G,)."""
     group = data.noise_group[kept]
     squares = np.bincount(group, r[kept] ** 2, minlength=len(data.noise_groups))
-    return np.sqrt(squares / np.bincount(group, minlength=len(squares)))
+    return np.sqrt(squares / np.maximum(np.bincount(group, minlength=len(squares)), 1))

@@ -15,10 +15,19 @@ from nico_selfmodel.estimation.tree.mirrors.mirrored_tree import (
     place_mirrors,
 )
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
-from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
+from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
-from nico_selfmodel.estimation.tree.tree_setup import Description, TreeSetup, Wishes, setup_of
+from nico_selfmodel.estimation.tree.tree_setup import (
+    Description,
+    TreeSetup,
+    Wishes,
+    held_scale,
+    setup_of,
+)
 from nico_selfmodel.model.tree.body_tree import BodyTree
+
+_TURNS = 4
+"""How often what holds lengths is chosen anew, as a first body is adjusted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +82,13 @@ class TreeStart:
             free = setup.free - planes - touches.names
             begin = _by_bearings if description is not None and tree.lenses else _roughly
             values, cost = begin(observations, parameters, values, free, setup)
+            for _ in range(_TURNS):
+                turned = _held_anew(parameters, values, setup, wishes)
+                if turned is None:
+                    break
+                setup, values = turned
+                free = setup.free - planes - touches.names
+                values, cost = begin(observations, parameters, values, free, setup)
         if touches.rows.any():
             parameters, values = _with_touches(touches, parameters, values, setup)
         if planes:
@@ -84,6 +100,28 @@ class TreeStart:
         if description is None:
             parameters, values = _told_from_there(data, parameters, values)
         return cls(label, parameters, setup, values, cost)
+
+
+def _held_anew(
+    parameters: TreeParameters, values: NDArray, setup: TreeSetup, wishes: Wishes
+) -> tuple[TreeSetup, NDArray] | None:
+    """Hold lengths by what is the largest part of a camera's place by now; None where it is held.
+
+    A part that has become small holds nothing: as the camera's place turns on, all lengths grow
+    without end. The camera is as far away as it was at first.
+    """
+    tree, base = parameters.tree_of(values), parameters.base
+    held = held_scale(tree, setup.world)
+    if held is None or setup.scale_from is not None or held not in setup.free:
+        return None
+    camera = held.rpartition(".")[0]
+    parts = {f"{camera}.{part}" for part in SHIFTS} - wishes.pins.pinned.keys()
+    apart = [
+        float(np.linalg.norm(next(s.X_LA[:3, 3] for s in of.sensors if s.name == camera)))
+        for of in (base, tree)
+    ]
+    setup = replace(setup, free=(setup.free | parts) - {held})
+    return setup, parameters.values_of(tree.scaled(apart[0] / apart[1]))
 
 
 def _roughly(
