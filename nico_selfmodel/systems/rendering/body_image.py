@@ -187,7 +187,8 @@ class BodyImage(Closable, LeafSystem):
         self.require_open()
         if np.array_equal(turn, self._turn):
             return
-        self._last, self._turn = [None, None], np.array(turn, dtype=float)
+        self._last = [None, None]
+        self._turn = np.array(turn, dtype=float)
         context: Any = self.__scene.GetMyMutableContextFromRoot(self.__context)
         turned = rotation_from_vector(turn) @ self._R_WR
         add_renderer(self.__scene, glare=True, R_WR=turned, context=context)
