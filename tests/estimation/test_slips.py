@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.noise.joint_slips import FEWEST_SLIPS, slipped_joints
 from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
-from nico_selfmodel.estimation.tree.pose_tests import FEWEST_SLIPS, slipped_joints
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 
 from .simulated_trees import one_arm
@@ -30,8 +30,8 @@ def seen(seed, share=0.0, size=0.0, noise=1.0, shown=1.0):
     groups = PoseGroups(np.repeat(np.arange(VISITS), 3), np.ones(3 * VISITS, dtype=bool), 1)
     by_joint, J = A.reshape(-1, 1, JOINTS), J.reshape(-1, FREE)
     whitening = PoseWhitening(groups, by_joint, PoseNoise(SENSOR, np.full(JOINTS, noise * JOINT)))
-    found, part = slipped_joints(whitening, r.ravel(), J, np.zeros(FREE))
-    return found, part, slips
+    found = slipped_joints(whitening, r.ravel(), J, np.zeros(FREE))
+    return found.slipped, found.part, slips
 
 
 def test_one_large_slip_is_found_in_its_pose():

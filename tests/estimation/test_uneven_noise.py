@@ -1,5 +1,7 @@
 """Joints of one body whose readings are not alike: limbs, and single joints of a chain."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from nico_selfmodel.dataset.body.sensors import SensorInfo
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 
-from .simulated_trees import assembled, observed, serial, tags
+from .simulated_trees import assembled, observed, one_arm, serial, tags
 
 QUIET, LOUD = 2e-5, 2e-3
 
@@ -37,3 +39,23 @@ def test_limbs_that_are_read_unlike_each_other_have_noise_of_their_own(seed):
     assert sigma[3:] == pytest.approx(LOUD, rel=0.25)
     assert sigma[:3].max() < 0.3 * LOUD
     assert not found.solution.slipped[:, 3:].mean() > 0.02
+
+
+@pytest.mark.parametrize("markers", [1, 3])
+def test_joints_of_a_chain_that_are_read_worse_than_others_do_not_count_as_slipping(markers):
+    noise = np.array([QUIET, QUIET, QUIET, LOUD, LOUD, QUIET])
+    arm = one_arm(7, joints=6, markers=markers, poses=100, joint_sigma=noise)
+    found = calibrate_tree(arm.data, effects=())
+    assert not any("readings of joint" in reason for reason in judge(found).reasons)
+    sigma = found.solution.noise.joint
+    if markers > 1:  # a single one may leave it to slips that are few
+        assert 0.8 * LOUD < sigma[[3, 4]].max() < 1.4 * LOUD
+    assert sigma[[0, 1, 2, 5]].max() < 0.6 * LOUD
+
+
+def test_a_joint_that_is_read_in_another_direction_is_no_louder_one():
+    arm = one_arm(7, joints=5, markers=3, poses=60)
+    readings = arm.data.readings.copy()
+    readings[:, 3] = -readings[:, 3] + 0.3 * np.sin(5.0 * readings[:, 3])
+    verdict = judge(calibrate_tree(replace(arm.data, readings=readings), effects=()))
+    assert verdict.status == "FAIL"

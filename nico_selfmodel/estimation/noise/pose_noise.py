@@ -93,11 +93,11 @@ class PoseWhitening:
         each = self.joint_sigma if slipped is None else self.joint_sigma[groups.visit]
         self._B = self.lever * (each / noise.sensor_sigma)
 
-    def quieter(self, part: float, slipped: NDArray | None = None) -> "PoseWhitening":
+    def quieter(self, part: float | NDArray, slipped: NDArray | None = None) -> "PoseWhitening":
         """Return the same with joint noise of so much of what it is, and more joints free.
 
         Args:
-            part: Of the joints' standard deviations.
+            part: Of the joints' standard deviations, of all or of each. Shape (n,).
             slipped: Joints that are free in a pose besides. Boolean, shape (poses, n).
         """
         noise = PoseNoise(self.noise.sensor_sigma, part * self.noise.joint_sigma)

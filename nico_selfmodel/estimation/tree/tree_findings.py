@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.sensors import CAMERA
 from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
 from nico_selfmodel.estimation.diagnosis.flatness import bent_reasons
+from nico_selfmodel.estimation.noise.joint_slips import FEWEST_SLIPS
 from nico_selfmodel.estimation.results.calibration_result import (
     FAILURE,
     MISFIT,
@@ -17,7 +18,6 @@ from nico_selfmodel.estimation.results.calibration_result import (
 from nico_selfmodel.estimation.tree.compared_errors import alone_off
 from nico_selfmodel.estimation.tree.contradictions.contradiction_words import contradiction_findings
 from nico_selfmodel.estimation.tree.contradictions.exchanged_markers import exchanged_markers
-from nico_selfmodel.estimation.tree.pose_tests import FEWEST_SLIPS
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.estimation.tree.tree_observations import TURN_NOISE

@@ -145,7 +145,7 @@ def likeliest_noise(
         information: Inverse variances of what is known beforehand. Shape (P,).
     """
     found = _variances(data, linear, groups, slipped, start, information)
-    return TreeNoise(found.sensor, found.joint)
+    return TreeNoise(found.sensor, found.joint, loud=start.loud)
 
 
 def tree_whitening(
@@ -263,7 +263,7 @@ def _shared(
         for _ in range(_ALIKE_ROUNDS):
             wider, also = beside_shared(data, linear, information, (alike,))
             found = _variances(data, wider, groups, slipped, noise, also)
-            noise = TreeNoise(found.sensor, found.joint)
+            noise = TreeNoise(found.sensor, found.joint, loud=known.loud)
             if found.likelihood > most:
                 best, most = _with_shared(start, noise, alike), found.likelihood
             told = _asked_for(data, wider, groups, slipped, noise, also)
@@ -296,7 +296,7 @@ def _first_own(noise: TreeNoise, alike: AlikeErrors) -> TreeNoise:
         joint[alike.sigma > 0.0] *= _FIRST_ALONE
     else:
         sensor[alike.turns] *= _FIRST_ALONE
-    return TreeNoise(sensor, joint)
+    return TreeNoise(sensor, joint, loud=noise.loud)
 
 
 def _with_shared(before: TreeNoise, own: TreeNoise, alike: AlikeErrors) -> TreeNoise:
@@ -313,7 +313,7 @@ def _with_shared(before: TreeNoise, own: TreeNoise, alike: AlikeErrors) -> TreeN
             joint = np.hypot(joint, one.sigma)
         else:
             sensor[one.turns] = np.hypot(sensor[one.turns], np.sqrt(np.mean(one.sigma**2)))
-    return TreeNoise(sensor, joint, tuple(shared))
+    return TreeNoise(sensor, joint, tuple(shared), before.loud)
 
 
 def _asked_for(
@@ -382,7 +382,7 @@ def _variances(
         search = VarianceSearch(residuals, known, group, np.maximum(floor, 1e-12), data.sigma_held)
         return search.run(start.sensor, start.joint)
 
-    alike, by_limb = data.joint_groups(), data.joint_groups(by_limb=True)
+    alike, by_limb = data.joint_groups(start.loud), data.joint_groups(start.loud, by_limb=True)
     found = likeliest(alike, start)
     if by_limb.max(initial=0) == alike.max(initial=0):
         return found

@@ -1,6 +1,6 @@
 """The observations of a recording, laid out for one adjustment: rows by sensor, scalars by row."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -240,12 +240,22 @@ class TreeObservations:
         joints = self.data.joints
         return np.array([joints[i].motion == FREE for i, _ in self.noisy_joints], dtype=bool)
 
-    def joint_groups(self, *, by_limb: bool = False) -> NDArray:
+    @cached_property
+    def moved(self) -> NDArray:
+        """How far each of `noisy_joints` was read to move [rad or m]; 0 of whole poses. (m,)."""
+        moved = np.ptp(np.asarray(self.data.si_readings), axis=0)
+        joints = self.data.joints
+        return np.array(
+            [0.0 if joints[i].motion in WHOLE_POSES else moved[i] for i, _ in self.noisy_joints]
+        )
+
+    def joint_groups(self, apart: Collection[int] = (), *, by_limb: bool = False) -> NDArray:
         """Return which of `noisy_joints` share a standard deviation: joints of one motion.
 
         A flange's turns do, and its shifts.
 
         Args:
+            apart: Those that share theirs with no other.
             by_limb: Whether only joints of one limb do, on the way to the same ends of the tree.
 
         Returns:
@@ -254,9 +264,9 @@ class TreeObservations:
         limbs = _limbs(parents_of(self.data.joints)) if by_limb else [()] * len(self.data.joints)
         numbers: dict[tuple[object, ...], int] = {}
         found = []
-        for i, part in self.noisy_joints:
+        for k, (i, part) in enumerate(self.noisy_joints):
             joint = self.data.joints[i]
-            whole = joint.motion in WHOLE_POSES
+            whole = joint.motion in WHOLE_POSES or k in apart
             key = (joint.name, part // 3) if whole else (joint.motion, limbs[i])
             numbers.setdefault(key, len(numbers))
             found.append(numbers[key])

@@ -116,8 +116,7 @@ class TreeProblem:
     def _boards_free(self, values: NDArray) -> PoseWhitening | None:
         """Return what lets poses that nobody reads go along, weights of joints left out."""
         data = self.observations
-        on = data.data.seen_on[data.row]
-        if not (np.isin(on, data.data.free_joints) & ~data.apart).any():
+        if not (np.isin(data.data.seen_on[data.row], data.data.free_joints) & ~data.apart).any():
             return None
         nothing = np.zeros(len(data.data.observations), dtype=bool)
         linear = self._linear(values, nothing)
@@ -194,15 +193,15 @@ class TreeProblem:
         found = found if trim else np.zeros_like(found)
         groups = self.observations.groups(found)
         slipped = np.zeros((groups.poses, len(data.noisy_joints)), dtype=bool)
-        known, steps = False, 0
-        for _ in range(_ROUNDS):
+        known, steps, rounds = False, 0, 0
+        while rounds < _ROUNDS:
             linear = self._linear(values, found)
             equations = int((~found[data.row]).sum()) + len(self.priors)
             known = self._noise_known or equations - len(self.columns) >= LEAST_REDUNDANCY
             before = self.noise
             if known and not self._noise_known:
                 noise = likeliest_noise(*self._asking(linear, groups, slipped, values))
-                self.noise = TreeNoise(noise.sensor, self._joint_part * noise.joint)
+                self.noise = replace(noise, joint=self._joint_part * noise.joint)
             whitening = tree_whitening(self.observations, linear, groups, self.noise, slipped)
             solution = self.program(values, whitening, linear.pulled).solve(
                 max_iterations=_STEPS_BETWEEN, tolerance=1e-7
@@ -212,11 +211,13 @@ class TreeProblem:
             now_slipped, now_found = slipped, found
             settled = not known or self._learned_priors(values, found, slipped)
             if known and trim:
-                now_slipped, now_found = self._tested(linear, groups, found)
+                ask = not self._noise_known
+                now_slipped, now_found = self._tested(linear, groups, found, louder=ask)
             new = self.observations.groups(now_found)
             same = np.array_equal(now_found, found) and np.array_equal(now_slipped, slipped)
             check_that_some_agree(new, data, now_found)
             slipped, found, groups = regrouped(now_slipped, groups, new), now_found, new
+            rounds += self.noise.loud == before.loud  # a joint is found to be loud once at most
             if same and self.noise.is_like(before) and settled:
                 break
         if known and not self._noise_known:
@@ -242,7 +243,7 @@ class TreeProblem:
             if trim and any(one.turns is not None for one in found.alike):
                 # What a sensor's turns share had been taken for slips of joints.
                 linear = self._about_poses(values, groups, slipped, outliers)
-                slipped = self._tested(linear, groups, outliers)[0]
+                slipped = self._tested(linear, groups, outliers, louder=False)[0]
         return slipped
 
     def solve_from(self, before: TreeSolution) -> TreeSolution:
@@ -385,11 +386,14 @@ class TreeProblem:
         return self.observations, own, groups, loose, self.noise, known
 
     def _tested(
-        self, linear: TreeLinear, groups: PoseGroups, outliers: NDArray
+        self, linear: TreeLinear, groups: PoseGroups, outliers: NDArray, *, louder: bool
     ) -> tuple[NDArray, NDArray]:
-        """Return what slipped and what is an outlier at the solution."""
+        """Return what slipped and what is an outlier at the solution; ask for louder joints too."""
         prior = tree_priors.information_of(self.priors, self.free_names)
         mine = replace(linear, J=linear.J[self.columns])
-        found, far, part = tested(self.observations, mine, groups, self.noise, prior, outliers)
-        self._joint_part = 1.0 if part is None else part * self._joint_part
-        return found, far
+        all_of_them = frozenset(range(len(self.noise.joint)))
+        noise = self.noise if louder else replace(self.noise, loud=all_of_them)
+        far, slips = tested(self.observations, mine, groups, noise, prior, outliers)
+        self.noise = replace(self.noise, loud=self.noise.loud | slips.louder)
+        self._joint_part = 1.0 if slips.part is None else slips.part * self._joint_part
+        return slips.slipped, far

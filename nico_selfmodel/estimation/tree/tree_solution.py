@@ -21,6 +21,8 @@ class TreeNoise:
     """Standard deviations of what is read, all that disturbs it together [rad or m]. Shape (m,)."""
     alike: tuple[AlikeErrors, ...] = ()
     """What of it poses share with poses that are alike; nothing where each pose has its own."""
+    loud: frozenset[int] = frozenset()
+    """Joints that are read worse than others of their motion, and share nothing with them."""
 
     @property
     def own(self) -> "TreeNoise":
@@ -31,12 +33,13 @@ class TreeNoise:
                 joint = one.alone
             else:
                 sensor[one.turns] = one.alone[0]
-        return TreeNoise(sensor, joint)
+        return TreeNoise(sensor, joint, loud=self.loud)
 
     def is_like(self, other: "TreeNoise") -> bool:
-        """Whether no standard deviation changed."""
+        """Whether no standard deviation changed, nor which are shared."""
         one, two = (np.concatenate([noise.sensor, noise.joint]) for noise in (self, other))
-        return bool((np.abs(one - two) <= _SETTLED * np.maximum(one, two)).all())
+        alike = (np.abs(one - two) <= _SETTLED * np.maximum(one, two)).all()
+        return self.loud == other.loud and bool(alike)
 
 
 @dataclass(frozen=True, eq=False)

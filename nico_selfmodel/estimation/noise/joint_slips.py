@@ -1,0 +1,282 @@
+"""Which joints were read wrongly in which poses, and which are read worse than others in all.
+
+With P = S^-1 - S^-1 J C J' S^-1 and the residuals r of all that counts, what any change h of them
+does to half the sum of squares is known without solving again (Cook, Weisberg 1982).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.noise.pose_noise import PoseWhitening
+from nico_selfmodel.optimization.uncertainty import covariance_told_by
+
+SLIPPED_AT = 12.0
+"""Chi square of one freedom beyond which a joint was read wrongly in a pose: 5 in 10^4 are."""
+
+OFTEN_AT = 6.0
+"""Gain of a log likelihood from which on a joint slips often."""
+FEWEST_SLIPS = 3
+"""Poses with a wrong reading of one joint from which on it slips often."""
+HINTED_AT = 0.2
+"""Gain at the noise as it is below which no other is tried."""
+TRIED_AT = 2.0
+"""Gain from which on a joint may: the parameters are fitted as if it did, which tells."""
+_FITS = 3
+_TOLD = 1e-9
+"""Information below which a visit tells nothing of a joint."""
+_ENOUGH_TOLD = 10
+"""Visits that tell of a joint, or half of all, from which on it is asked whether it slips often."""
+_PARTS = (0.5, 0.65, 0.8, 0.9, 1.0, 1.1, 1.25)
+"""What joint noise may be of what it was taken for before it was known which joint slips."""
+_SHARES = np.array([0.02, 0.05, 0.1, 0.2, 0.35])
+"""Parts of the poses in which a joint may slip."""
+_SIZES = np.array([3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4])
+"""Squares of what it may slip by, in variances that a pose in the middle tells it to."""
+
+
+_LOUDER_BY = 5.0
+"""Gain of a log likelihood from which on joints are louder in all visits, and do not slip."""
+_QUIETER, _ABOUT = (0.5, 0.65, 0.8, 1.0), (0.7, 1.0, 1.4)
+"""What joint noise may be of what it was taken for where some joints are louder, and what theirs
+may be of what visits say of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Slips:
+    """What residuals say of the joints' readings."""
+
+    slipped: NDArray
+    """Which joint was read wrongly at each visit, if any. Boolean, shape (visits, m)."""
+    part: float | None = None
+    """The likeliest joint noise, as a part of what it was taken for; None where no joint slips
+    often."""
+    louder: frozenset[int] = frozenset()
+    """Joints that are read with more noise at each visit than those they were taken for alike.
+    Nothing is said of slips before their noise is known."""
+
+
+def slipped_joints(
+    whitening: PoseWhitening,
+    r: NDArray,
+    J: NDArray,
+    prior: NDArray,
+    loudest: NDArray | None = None,
+) -> Slips:
+    """Return which joint, if any, was read wrongly at each visit, and what that says of the noise.
+
+    A joint that slips often is found by all visits together: one tells as little of a slip as of
+    which joint it was. Slips that were not known for such are a part of the noise: quieter joints
+    are tried as well. What any joint does once stands out by `SLIPPED_AT`.
+
+    Args:
+        whitening: Of the poses, no joint freed.
+        r: Residuals in their sensors' sigmas. Shape (R,).
+        J: Derivatives by the free parameters. Shape (R, p).
+        prior: Information of the priors on their diagonal. Shape (p,).
+        loudest: Standard deviations up to which a joint may have noise of its own, 0 where it may
+            not, as all if omitted. Shape (m,).
+    """
+    groups = whitening.groups
+    gathered = groups.gather(r[:, None]), groups.gather(J[:, None])
+    asked = partial(_Scores.at, whitening, *gathered, prior)
+    plain = asked(1.0, None)
+    often, before = plain.often_slipped()[0], plain.likelihood
+    if often.likelihood > before + HINTED_AT:
+        parts = (plain if part == 1.0 else asked(part, None) for part in _PARTS)
+        often, before = _likeliest(list(parts))
+    for _ in range(_FITS):
+        if not (before + TRIED_AT < often.likelihood < before + OFTEN_AT):
+            break
+        # What a fit of all visits as sound leaves of a slip is less than the slip.
+        often = _likeliest([asked(part, often.slipped) for part in _PARTS])[0]
+    seldom = often.slipped.sum() < FEWEST_SLIPS
+    if seldom or often.likelihood < before + OFTEN_AT:
+        often = _Often(before, np.zeros_like(often.slipped), None)
+    elif loudest is not None:
+        likelihood, louder = _louder_joints(asked, plain, whitening.noise.joint_sigma, loudest)
+        if louder and likelihood > often.likelihood + _LOUDER_BY:
+            return Slips(np.zeros_like(often.slipped), louder=louder)
+    out, t = often.slipped, plain.t
+    visits = np.flatnonzero(~out.any(axis=1))
+    worst = np.argmax(t[visits], axis=1)
+    out[visits, worst] = t[visits, worst] > SLIPPED_AT
+    return Slips(out, often.part)
+
+
+def _louder_joints(
+    asked: Callable[[NDArray, None], "_Scores"],
+    plain: "_Scores",
+    sigma: NDArray,
+    loudest: NDArray,
+) -> tuple[float, frozenset[int]]:
+    """Return joints that are louder than the others, and how likely all is then."""
+    scores, factor, chosen = plain, np.ones(len(sigma)), frozenset[int]()
+    while True:
+        alike = ~np.isin(np.arange(len(sigma)), [*chosen])
+        found = scores.louder(np.where(alike, loudest, 0.0))
+        if found is None:
+            break
+        j, size = found
+        tries = []
+        for part, about in product(_QUIETER, _ABOUT):
+            tried = np.where(alike, part * factor, factor)
+            tried[j] = about * np.hypot(size, sigma[j]) / sigma[j]
+            tries.append((asked(tried, None), tried))
+        best, at = max(tries, key=lambda one: one[0].likelihood)
+        if best.likelihood < scores.likelihood + OFTEN_AT:
+            break
+        scores, factor, chosen = best, at, chosen | {j}
+    return scores.likelihood, chosen
+
+
+@dataclass(frozen=True, eq=False)
+class _Often:
+    """Joints that slip often."""
+
+    likelihood: float
+    """Of all visits."""
+    slipped: NDArray
+    """Visits in which they did. Boolean, shape (visits, m)."""
+    part: float | None
+    """What joint noise is then of what it was taken for; None where that was not asked."""
+
+
+def _likeliest(scores: Sequence["_Scores"]) -> tuple[_Often, float]:
+    """Return the joints that slip often, as many as each raise the likelihood, and that of none.
+
+    One is returned in any case.
+    """
+    tries = [one.often_slipped() for one in scores]
+    found = max(tries, key=lambda one: one[0].likelihood)[0]
+    for count in range(1, max(map(len, tries))):
+        of = [one[min(count, len(one) - 1)].likelihood for one in tries]
+        best = int(np.argmax(of))
+        if of[best] < found.likelihood + OFTEN_AT:
+            break
+        found = tries[best][count]
+    count = int(found.slipped.any(axis=0).sum())
+    curve = [one[min(count, len(one)) - 1].likelihood for one in tries]
+    part = _peak(np.log(_PARTS), np.array(curve))
+    return replace(found, part=part), max(one.likelihood for one in scores)
+
+
+def _peak(x: NDArray, y: NDArray) -> float:
+    """Return where a curve is highest, by a parabola through its highest values: exp(x) of it."""
+    i = int(np.clip(np.argmax(y), 1, len(x) - 2))
+    a, b, _ = np.polyfit(x[i - 1 : i + 2], y[i - 1 : i + 2], 2)
+    at = -0.5 * b / a if a < 0.0 else x[np.argmax(y)]
+    return float(np.exp(np.clip(at, x[0], x[-1])))
+
+
+@dataclass(frozen=True, eq=False)
+class _Scores:
+    """What each visit says of each joint, read wrongly by anything."""
+
+    t: NDArray
+    """About chi square of one freedom where nothing is off. Shape (visits, m)."""
+    c: NDArray
+    """Information of a visit on the joint's reading. Shape (visits, m)."""
+    likelihood: float
+    """Restricted log likelihood without slips, but for a constant."""
+
+    @classmethod
+    def at(
+        cls,
+        whitening: PoseWhitening,
+        r: NDArray,
+        Jg: NDArray,
+        prior: NDArray,
+        part: float | NDArray,
+        slipped: NDArray | None,
+    ) -> "_Scores":
+        """Ask at some noise.
+
+        A reading that is off by d moves the residuals by a d, a = A_j: e = a'P r, c = a'S^-1 a, and
+        (e^2 + a'S^-1 J C J'S^-1 a) / c is about chi square of one freedom where nothing is off.
+
+        Args:
+            whitening: Of the poses, no joint freed.
+            r: Residuals in their sensors' sigmas, by visit. Shape (T,).
+            Jg: Derivatives by the free parameters. Shape (T, p).
+            prior: Information of the priors on their diagonal. Shape (p,).
+            part: What joint noise is of what it is there, of all or of each. Shape (m,).
+            slipped: Joints that are free in a visit, as the parameters are fitted. Boolean, shape
+                (visits, m).
+        """
+        whitening = whitening if np.all(part == 1.0) else whitening.quieter(part)
+        fitted = whitening if slipped is None else whitening.quieter(1.0, slipped)
+        groups, A, SiJ = whitening.groups, whitening.lever, fitted.inverse(Jg)
+        C = covariance_told_by(Jg.T @ SiJ + np.diag(prior))
+        rows = (r - Jg @ (C @ (SiJ.T @ r)))[:, None]
+        SiA = whitening.inverse(A)
+        e = groups.products(SiA, rows)[:, :, 0]
+        c = np.einsum("gmm->gm", groups.products(SiA, A))
+        along = groups.products(SiA, Jg)
+        taken = np.sum((along @ C) * along, axis=2)
+        t = np.where(c < _TOLD, 0.0, (e**2 + taken) / np.maximum(c, _TOLD))
+        left = float(np.sum(rows * whitening.inverse(rows)))
+        determinants = whitening.log_determinant - np.linalg.slogdet(C)[1]
+        return cls(t, c, -0.5 * (left + float(determinants)))
+
+    def louder(self, loudest: NDArray) -> tuple[int, float] | None:
+        """Return the joint of which more noise at all visits explains most, and how much it is.
+
+        Args:
+            loudest: Standard deviations up to which it may have noise of its own. Shape (m,).
+        """
+        best, most = None, OFTEN_AT
+        for j in np.flatnonzero((loudest > 0.0) & (self.c > _TOLD).any(axis=0)).tolist():
+            B, middle = _of_sizes(self.t[:, j], self.c[:, j])
+            gains = np.sum(B, axis=1)
+            size = int(np.argmax(gains))
+            if gains[size] > most and _SIZES[size] <= loudest[j] ** 2 * middle:
+                best, most = (j, float(np.sqrt(_SIZES[size] / middle))), float(gains[size])
+        return best
+
+    def often_slipped(self) -> list[_Often]:
+        """Return joints that slip often, one, two and so on, as long as each raises the likelihood.
+
+        Where a joint slips in a share p of the visits by N(0, d^2), a visit is 1 - p + p B times as
+        likely as without, B = exp(t x / (1 + x) / 2) / sqrt(1 + x) with x = d^2 c. The joint of
+        which the logarithms' sum is largest, at its best p and d, goes first; visits that it
+        explains (odds above one) tell of no other.
+        """
+        t, c, found = self.t, self.c, self.likelihood
+        out, left = np.zeros(t.shape, dtype=bool), np.ones(len(t), dtype=bool)
+        told, tries = (c > _TOLD).sum(axis=0), list[_Often]()
+        asked = told >= min(_ENOUGH_TOLD, 0.5 * len(t))
+        while left.any() and asked.any():
+            of = {j: _mixture(t[left, j], c[left, j]) for j in np.flatnonzero(asked).tolist()}
+            j = max(of, key=lambda one: of[one][0])
+            gain, odds = of[j]
+            if tries and gain < OFTEN_AT:
+                break
+            here = np.flatnonzero(left)[odds > 0.0]
+            out = out.copy()
+            out[here, j], asked[j], left[here] = True, False, False
+            found += gain
+            tries.append(_Often(found, out, None))
+        return tries or [_Often(found, out, None)]
+
+
+def _of_sizes(t: NDArray, c: NDArray) -> tuple[NDArray, float]:
+    """Return log B of each size and visit, and what a visit in the middle tells of a joint."""
+    told = c > _TOLD
+    middle = float(np.median(c[told])) if told.any() else 1.0
+    x = _SIZES[:, None] * c / middle
+    return 0.5 * t * x / (1.0 + x) - 0.5 * np.log1p(x), middle
+
+
+def _mixture(t: NDArray, c: NDArray) -> tuple[float, NDArray]:
+    """Return the gain of the log likelihood by slips of one joint, and each visit's log odds."""
+    B = _of_sizes(t, c)[0]
+    p = _SHARES[:, None, None]
+    gain = np.sum(np.logaddexp(np.log1p(-p), np.log(p) + B), axis=2)
+    share, size = np.unravel_index(int(np.argmax(gain)), gain.shape)
+    odds = np.log(_SHARES[share] / (1.0 - _SHARES[share])) + B[size]
+    return float(gain[share, size]), odds
