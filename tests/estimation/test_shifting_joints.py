@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation.initialization.axis_search import random_starts
-from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.model.arm.servo_map import ServoMap
@@ -39,6 +39,15 @@ def test_joints_that_shift_are_found_from_what_a_tracker_saw(kind):
         for tree in (found.tree, arm.tree)
     )
     assert np.linalg.norm(told - true, axis=1).mean() < 1e-3
+
+
+def test_what_shifts_is_told_by_its_direction_alone():
+    _, found = calibrated(SCARA, 5, markers=2)
+    told = {joint["name"]: joint for joint in to_json(found, judge(found))["joints"]}
+    assert told["j2"]["axis_distance_mm"] > 0.0
+    for beside in ("j3", "j4"):
+        assert told[beside]["axis_distance_mm"] is None
+        assert 0.0 <= told[beside]["axis_angle_deg"] <= 180.0
 
 
 def test_the_travel_of_a_joint_tells_cameras_how_large_everything_is():

@@ -9,6 +9,7 @@ from nico_selfmodel.dataset.body.sensors import SensorInfo
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 
+from ..slow_rest import slow_rest
 from .simulated_trees import assembled, observed, one_arm, serial, tags
 
 QUIET, LOUD = 2e-5, 2e-3
@@ -31,7 +32,7 @@ def two_limbs(seed, poses=60):
     return observed(tree, chain, infos, sensors, q, rng, joint_sigma=noise, sigma={"points": 2e-4})
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", slow_rest([1, 2]))
 def test_limbs_that_are_read_unlike_each_other_have_noise_of_their_own(seed):
     found = calibrate_tree(two_limbs(seed), effects=())
     assert not any("readings of joint" in reason for reason in judge(found).reasons)
@@ -41,7 +42,7 @@ def test_limbs_that_are_read_unlike_each_other_have_noise_of_their_own(seed):
     assert not found.solution.slipped[:, 3:].mean() > 0.02
 
 
-@pytest.mark.parametrize("markers", [1, 3])
+@pytest.mark.parametrize("markers", slow_rest([3, 1]))
 def test_joints_of_a_chain_that_are_read_worse_than_others_do_not_count_as_slipping(markers):
     noise = np.array([QUIET, QUIET, QUIET, LOUD, LOUD, QUIET])
     arm = one_arm(7, joints=6, markers=markers, poses=100, joint_sigma=noise)

@@ -44,9 +44,13 @@ def test_what_stands_in_the_room_makes_no_cloud():
 
 
 @pytest.mark.parametrize("sensor", ["points", "camera"])
-def test_the_first_view_holds_markers_and_where_they_were_seen(sensor):
+@pytest.mark.parametrize("carried", [True, False])
+def test_the_first_view_holds_markers_and_where_they_were_seen(sensor, carried):
     made = one_arm(2, markers=3, sensor=sensor)
-    scene = tree_scene("arm", made.tree, made.data)
+    tree = made.tree
+    if not carried:  # a body that only looks
+        tree = replace(tree, markers=tuple(replace(m, on=WORLD) for m in tree.markers))
+    scene = tree_scene("arm", tree, made.data)
     drawn = [item for item in scene.items if isinstance(item, Markers)]
     points = np.concatenate(
         [item.centers @ item.X_WI[:3, :3].T + item.X_WI[:3, 3] for item in drawn]

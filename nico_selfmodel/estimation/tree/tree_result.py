@@ -31,7 +31,7 @@ from nico_selfmodel.estimation.tree.tree_findings import (
 from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, TURNS
 from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.model.tree.body_model import BodyModel
-from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, REVOLUTE
+from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, REVOLUTE, WHOLE_POSES
 from nico_selfmodel.model.tree.free_joints import body_alone
 from nico_selfmodel.optimization.uncertainty import UnobservableDirection
 
@@ -274,7 +274,7 @@ def _joints(calibration: TreeCalibration) -> list[dict[str, Any]]:
             "name": name,
             "parent": "world" if parent < 0 else tree.joints[parent],
             "motion": motion,
-            **_axes(X, parent >= 0 and motion == tree.motions[parent] == REVOLUTE),
+            **_axes(X, motion, tree.motions[parent] if parent >= 0 else FLANGE),
             "markers": [m.name for m in tree.markers if m.on == i],
             "sensors": [s.name for s in tree.sensors if s.on == i],
         }
@@ -284,16 +284,20 @@ def _joints(calibration: TreeCalibration) -> list[dict[str, Any]]:
     ]
 
 
-def _axes(X_PJ: NDArray, both: bool) -> dict[str, float | None]:
-    """Return angle and distance of a joint's axis and its parent's z; nothing at a root."""
-    if not both:
+def _axes(X_PJ: NDArray, motion: str, before: str) -> dict[str, float | None]:
+    """Return angle and distance of a joint's axis and its parent's z; nothing at a root.
+
+    What shifts has a direction and no place.
+    """
+    if {motion, before} & set(WHOLE_POSES):
         return {"axis_angle_deg": None, "axis_distance_mm": None}
     z, p = X_PJ[:3, 2], X_PJ[:3, 3]
     normal = np.array([-z[1], z[0], 0.0])
     sine = float(np.linalg.norm(normal))
     apart = abs(float(p @ normal)) / sine if sine > 1e-6 else float(np.hypot(p[0], p[1]))
     angle = float(np.degrees(np.arctan2(sine, z[2])))
-    return {"axis_angle_deg": angle, "axis_distance_mm": 1e3 * apart}
+    placed = motion == before == REVOLUTE
+    return {"axis_angle_deg": angle, "axis_distance_mm": 1e3 * apart if placed else None}
 
 
 def _description_off(calibration: TreeCalibration) -> dict[str, Any] | None:

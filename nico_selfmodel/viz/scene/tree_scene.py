@@ -47,7 +47,7 @@ def tree_scene(name: str, tree: BodyTree, data: BodyDataset) -> Scene:
     centres, markers = axis_points(tree, motion), _marker_points(tree, motion)
     sensors = np.array([motion.pose_of(s)[1][:, 0] for s in tree.sensors]).reshape(-1, 3)
     points = apply(X_SW, np.vstack([centres, markers, sensors, seen, *glasses.values()]))
-    own = [marker.on != WORLD for marker in tree.markers]
+    own = _of_body(tree)
     near = apply(X_SW, np.vstack([centres, markers[own], sensors, seen, *glasses.values()]))
     behind = any(sensor.on == WORLD for sensor in tree.sensors)
     view = camera_from(with_room(near, _ROOM * unit), _AZIMUTH if behind else _FACING)
@@ -114,10 +114,16 @@ def _marker_points(tree: BodyTree, motion: TreeMotion) -> NDArray:
 
 def _size(tree: BodyTree, motion: TreeMotion) -> float:
     """Return how large a body and what it carries are at a pose [m]."""
-    carried = [marker.on != WORLD for marker in tree.markers]
+    carried = _of_body(tree)
     bases = motion.p_WJ[np.isin(tree.motions, WHOLE_POSES), :, 0]
     points = np.vstack([axis_points(tree, motion), bases, _marker_points(tree, motion)[carried]])
     return max(float(np.linalg.norm(np.ptp(points, axis=0))), 1e-3)
+
+
+def _of_body(tree: BodyTree) -> NDArray:
+    """Return which markers the body carries; all of a body that only looks. Boolean, shape (m,)."""
+    carried = np.array([marker.on != WORLD for marker in tree.markers], dtype=bool)
+    return carried if carried.any() else ~carried
 
 
 def axis_points(tree: BodyTree, motion: TreeMotion) -> NDArray:
