@@ -134,8 +134,8 @@ def test_a_photograph_that_is_none_is_named(spoilt, tmp_path, command):
 @pytest.mark.slow
 def test_a_wrong_board_is_refused_with_the_one_that_is_there(photographs, tmp_path, command):
     message = refused(command, photographs, tmp_path, "--board", "9x6", "--square-mm", 30)
-    assert "no 9x6 board" in message
-    assert "7x5" in message
+    assert "none of 20 images shows all of a 9x6 board" in message
+    assert "is it a 7x5" in message
 
 
 def test_two_boards_are_too_few(spoilt, tmp_path, command):
