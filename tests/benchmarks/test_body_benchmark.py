@@ -10,6 +10,7 @@ from nico_selfmodel.estimation.observations.observations import gears_known
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_block import TreeBlock
+from nico_selfmodel.estimation.tree.tree_noise import tree_whitening
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
@@ -57,9 +58,18 @@ def test_200_poses_and_42_parameters_beat_scipy_on_the_same_jacobian(problem, be
     assert len(tree.free_names) == 42
     nothing = np.zeros(len(tree.observations.data.observations), dtype=bool)
     groups = tree.observations.groups(nothing)
-    whitening = tree._whitening(tree._linear(values, nothing), groups, None)
-    program, block = tree.program(values, whitening), TreeBlock(tree, values, whitening)
+    seen, linear = tree.observations, tree.linear_at(values, None)
+    whitening = tree_whitening(seen, linear, groups, tree.noise)
+    program = tree.program(values, whitening)
     start = program.start
+
+    def linear_at(y):
+        x = values.copy()
+        x[tree.columns] = y
+        return tree.linear_at(x, None)
+
+    free = (tree.free_names, tree.columns)
+    block = TreeBlock(seen, free, linear_at, tree.scale, whitening)
 
     def residuals(y):
         """As cheap as they can be: no derivatives."""
