@@ -1,5 +1,6 @@
 """`nico-selfmodel locate`: where a thing is that is seen only in a mirror."""
 
+import warnings
 from typing import Annotated
 
 import typer
@@ -29,13 +30,16 @@ def locate(
     from nico_selfmodel.model.cameras.mirror_location import locate_in_mirror
     from nico_selfmodel.model.self_model_file import load_model
 
-    body = load_model(model)
+    with warnings.catch_warnings(record=True) as said:
+        body = load_model(model)
     rig, failure = body.mirror_rig(mirror), body.mirror_failure(mirror)
-    if failure is not None:
+    if failure is not None:  # which says more than that the result failed
         raise ModelError(
             f"mirror {mirror!r} failed its calibration ({failure}): what is seen in it is not "
             "where it seems; cure that and run `nico-selfmodel calibrate mirror` again"
         )
+    for one in said:
+        warnings.warn(one.message, one.category, stacklevel=1)
     sigma = pixel_sigma if pixel_sigma is not None else body.pixel_sigma or 1.0
     found = locate_in_mirror(rig, [_pixels(word) for word in pixels], sigma)
     rows = [place.as_document() for place in found]

@@ -103,6 +103,13 @@ def test_corners_nobody_knows_the_places_of_do_not_tell_a_hand_eye_calibration()
         calibrate_tree(data)
 
 
+def test_a_camera_that_moves_is_not_told_that_known_places_tell_its_lens():
+    _, data = recorded(np.random.default_rng(5))
+    sensors = (replace(data.sensors[0], lens=None),)
+    with pytest.raises(DataError, match="a robot description tells that of a camera that moves"):
+        calibrate_tree(replace(data, sensors=sensors))
+
+
 def test_turns_about_one_axis_before_corners_leave_a_direction_open():
     _, data = recorded(np.random.default_rng(4), one_axis=True)
     verdict = judge(calibrate_tree(data))

@@ -58,5 +58,8 @@ def test_a_joint_that_is_read_in_another_direction_is_no_louder_one():
     arm = one_arm(7, joints=5, markers=3, poses=60)
     readings = arm.data.readings.copy()
     readings[:, 3] = -readings[:, 3] + 0.3 * np.sin(5.0 * readings[:, 3])
-    verdict = judge(calibrate_tree(replace(arm.data, readings=readings), effects=()))
+    found = calibrate_tree(replace(arm.data, readings=readings), effects=())
+    verdict = judge(found)
     assert verdict.status == "FAIL"
+    assert "readings of joint 'j4' would be wrong" in verdict.reasons[0]
+    assert 3 not in found.solution.noise.loud

@@ -37,8 +37,6 @@ _SHARES = np.array([0.02, 0.05, 0.1, 0.2, 0.35])
 """Parts of the poses in which a joint may slip."""
 _SIZES = np.array([3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4])
 """Squares of what it may slip by, in variances that a pose in the middle tells it to."""
-
-
 _LOUDER_BY = 5.0
 """Gain of a log likelihood from which on joints are louder in all visits, and do not slip."""
 _QUIETER, _ABOUT = (0.5, 0.65, 0.8, 1.0), (0.7, 1.0, 1.4)

@@ -61,10 +61,15 @@ def guessed_lenses(
         p = np.concatenate([np.zeros((0, 3)), *(place for place, _ in places)])
         pixels = np.concatenate([np.zeros((0, 2)), *(pixel for _, pixel in places)])
         if len(p) < _FEWEST:
+            others = "a robot description tells that of a camera that moves, too"
+            if info.on == WORLD_NAME:
+                others = (
+                    "a robot description, a tracker that sees the same markers, or markers at "
+                    "known places tell it, too"
+                )
             raise DataError(
                 f"nothing tells the lens of camera {info.name!r}: put 'lens' into dataset.yaml, "
-                "give calibrated cameras, or record boards; a robot description, a tracker that "
-                "sees the same markers, or markers at known places tell it, too"
+                f"give calibrated cameras, or record boards; {others}"
             )
         found[info.name] = _likeliest(p, pixels, info.image_size, np.random.default_rng((seed, s)))
     return found
