@@ -151,6 +151,24 @@ def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> NDArray:
     return z @ y @ x
 
 
+def rpy_of(rotation: NDArray) -> NDArray:
+    """Return roll, pitch and yaw of a rotation (3, 3), as URDF has them [rad]. Shape (3,).
+
+    Roll = atan2(R21, R22), pitch = atan2(-R20, |R21, R22|), and with s and c of that very roll
+    yaw = atan2(s R02 - c R01, c R11 - s R12), which makes up for what rounding leaves of roll at
+    a pitch of 90 deg (Day 2012, Extracting Euler angles from a rotation matrix).
+
+    Args:
+        rotation: Shape (3, 3).
+    """
+    R = np.asarray(rotation, dtype=float)
+    roll = np.arctan2(R[2, 1], R[2, 2])
+    s, c = np.sin(roll), np.cos(roll)
+    pitch = np.arctan2(-R[2, 0], np.hypot(R[2, 1], R[2, 2]))
+    yaw = np.arctan2(s * R[0, 2] - c * R[0, 1], c * R[1, 1] - s * R[1, 2])
+    return np.array([roll, pitch, yaw])
+
+
 def signed_angle(a: ArrayLike, b: ArrayLike, about: ArrayLike) -> NDArray:
     """Return the angle from `a` to `b` about a unit axis, atan2(z.(a x b), a.b) [rad].
 

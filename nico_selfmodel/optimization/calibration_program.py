@@ -1,25 +1,22 @@
-"""A MathematicalProgram of named variables and residual blocks with analytic derivatives."""
+"""A program of named variables and residual blocks with analytic derivatives."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
-from pydrake.solvers import IpoptSolver, MathematicalProgram, SnoptSolver, SolverOptions
 
-from nico_selfmodel.errors import ImpossibleModelError
 from nico_selfmodel.least_squares import NormalEquations
 from nico_selfmodel.names import refuse_unknown
-from nico_selfmodel.optimization.levenberg_marquardt_solver import (
-    LevenbergMarquardtSolver,
-    bounds_of,
-)
+from nico_selfmodel.optimization.free_variables import minimised
 from nico_selfmodel.optimization.losses import Loss
 from nico_selfmodel.optimization.residual_block import ResidualBlock, SummedBlock
 from nico_selfmodel.optimization.separable_block import SeparableBlock, shared_information
 from nico_selfmodel.optimization.uncertainty import covariance_told_by
+
+if TYPE_CHECKING:
+    from pydrake.solvers import MathematicalProgram
 
 SOLVERS = ("lm", "snopt", "ipopt")
 
@@ -51,39 +48,49 @@ class _Term:
 class CalibrationProgram:
     """Named decision variables, fixed ones, priors and residual blocks.
 
-    `prog` is a genuine MathematicalProgram: SNOPT and IPOPT solve the very same problem as the
-    Levenberg-Marquardt solver. It knows nothing of robots.
+    `prog` is the very same problem as a MathematicalProgram, for SNOPT, IPOPT and whatever else
+    Drake has. It is made when it is asked for. The program knows nothing of robots.
     """
 
     def __init__(self) -> None:
         """Start without variables."""
-        self.prog = MathematicalProgram()
-        self._names: list[str] = []
-        self._variables: list[Any] = []
+        self._index: dict[str, int] = {}
+        self._start = np.zeros(0)
         self._terms: list[_Term] = []
         self._priors: dict[int, tuple[float, float]] = {}
-        self._fixed: dict[str, Any] = {}
-        self._cost: Any = None
+        self._fixed: dict[int, float] = {}
+        self._prog: MathematicalProgram | None = None
+
+    @property
+    def prog(self) -> "MathematicalProgram":
+        """The program as Drake sees it; another one after the variables or their start changed."""
+        if self._prog is None:
+            from nico_selfmodel.optimization.drake_program import drake_program
+
+            self._prog = drake_program(self)
+        return self._prog
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the decision variables, in their order."""
-        return tuple(self._names)
+        return tuple(self._index)
 
     @property
     def start(self) -> NDArray:
         """The values from which a solver starts. Shape (p,)."""
-        return np.asarray(self.prog.initial_guess())
+        return self._start.copy()
 
     def move_start(self, x: NDArray) -> None:
         """Start the next solution from here. Shape (p,)."""
-        self.prog.SetInitialGuessForAllVariables(x)
+        self._start[:] = x
+        self._prog = None
 
     @property
     def free(self) -> NDArray:
         """Which variables are not fixed. Boolean, shape (p,)."""
-        lower, upper = bounds_of(self.prog)
-        return lower < upper
+        free = np.ones(len(self._start), dtype=bool)
+        free[list(self._fixed)] = False
+        return free
 
     def add_variables(self, names: Sequence[str], start: ArrayLike) -> None:
         """Add decision variables.
@@ -98,15 +105,12 @@ class CalibrationProgram:
         values = np.asarray(start, dtype=float)
         if values.shape != (len(names),) or not np.isfinite(values).all():
             raise ValueError(f"start must be {len(names)} finite numbers, got {values}")
-        taken = set(names) & set(self._names) or len(set(names)) != len(names)
+        taken = set(names) & self._index.keys() or len(set(names)) != len(names)
         if taken:
             raise ValueError(f"names must be new and unique, got {list(names)}")
-        for name, value in zip(names, values, strict=True):
-            variable = self.prog.NewContinuousVariables(1, name)[0]
-            self.prog.SetInitialGuess(variable, value)
-            self._names.append(name)
-            self._variables.append(variable)
-        self._renew_cost()
+        self._index |= {name: len(self._index) + k for k, name in enumerate(names)}
+        self._start = np.append(self._start, values)
+        self._prog = None
 
     def index(self, name: str) -> int:
         """Return the position of a variable.
@@ -114,23 +118,27 @@ class CalibrationProgram:
         Raises:
             ValueError: If there is none of that name; the message lists those there are.
         """
-        refuse_unknown("parameter", name, self._names)
-        return self._names.index(name)
+        if name not in self._index:
+            refuse_unknown("parameter", name, self.names)
+        return self._index[name]
 
     def fix(self, name: str, value: float | None = None) -> None:
         """Hold a variable at a value, its start if omitted; replaces an earlier value."""
-        variable = self._variables[self.index(name)]
-        held = self.prog.GetInitialGuess(variable) if value is None else value
-        self.release(name)
-        self._fixed[name] = self.prog.AddBoundingBoxConstraint(held, held, variable)
-        self.prog.SetInitialGuess(variable, held)
+        index = self.index(name)
+        if value is not None:
+            self._start[index] = value
+        self._fixed[index] = float(self._start[index])
+        self._prog = None
 
     def release(self, name: str) -> None:
         """Let a variable move again; nothing happens where it was not fixed."""
-        self.index(name)
-        pin = self._fixed.pop(name, None)
-        if pin is not None:
-            self.prog.RemoveConstraint(pin)
+        self._fixed.pop(self.index(name), None)
+        self._prog = None
+
+    @property
+    def fixed(self) -> Mapping[int, float]:
+        """Index and value of the variables that are fixed."""
+        return self._fixed
 
     def add_prior(self, name: str, mean: float, sigma: float) -> None:
         """Add ((x - mean) / sigma)^2 to the sum of squares; replaces a variable's earlier prior.
@@ -141,18 +149,17 @@ class CalibrationProgram:
         if not sigma > 0.0:
             raise ValueError(f"the sigma of a prior must be positive, got {sigma} for {name}")
         self._priors[self.index(name)] = float(mean), float(sigma)
-        self._renew_cost()
 
     @property
     def priors(self) -> dict[str, tuple[float, float]]:
         """Mean and sigma of the variables that have a prior."""
-        return {self._names[index]: prior for index, prior in self._priors.items()}
+        names = self.names
+        return {names[index]: prior for index, prior in self._priors.items()}
 
     def add_residuals(self, block: ResidualBlock, loss: Loss | None = None) -> int:
         """Add a residual block; its variables must exist. Returns its number, for `set_loss`."""
         columns = np.array([self.index(name) for name in block.names])
         self._terms.append(_Term(block, columns, loss or Loss(), None))
-        self._renew_cost()
         return len(self._terms) - 1
 
     def set_loss(self, number: int, loss: Loss, weights: NDArray | None = None) -> None:
@@ -285,44 +292,16 @@ class CalibrationProgram:
         """
         refuse_unknown("solver", solver, SOLVERS)
         if solver == "lm":
-            x, last = LevenbergMarquardtSolver(self).minimise(
-                self.prog, self.start, max_iterations=max_iterations, tolerance=tolerance
+            x, last = minimised(
+                self, self.start, max_iterations=max_iterations, tolerance=tolerance
             )
             return ProgramSolution(x, last.cost, last.converged, last.iterations, last.history)
-        drake = SnoptSolver() if solver == "snopt" else IpoptSolver()
-        options = SolverOptions()
-        # IPOPT's own 1e-10 asks for more than a quasi-Newton Hessian can give.
-        options.SetOption(IpoptSolver.id(), "tol", 1e-5)
-        options.SetOption(IpoptSolver.id(), "max_iter", 1000)
-        result = drake.Solve(self.prog, self.prog.initial_guess(), options)
-        x = result.get_x_val()
+        from nico_selfmodel.optimization.drake_program import solved_by_drake
+
+        x, success = solved_by_drake(self.prog, solver)
         cost = self.normal_equations(x)[0]
         # SNOPT reports success on a NaN cost.
-        return ProgramSolution(x, cost, result.is_success() and bool(np.isfinite(cost)), 0, (cost,))
-
-    def _renew_cost(self) -> None:
-        """Give the program one cost over all variables, for solvers that see only the program."""
-        if self._cost is not None:
-            self.prog.RemoveCost(self._cost)
-            self._cost = None
-        if not (self._terms or self._priors):
-            return
-
-        def tried(x: NDArray) -> tuple[float, NDArray]:
-            try:
-                return self.normal_equations(x)[:2]
-            except ImpossibleModelError:
-                return np.inf, np.zeros(len(x))
-
-        def cost(values: NDArray) -> Any:
-            if values.dtype == object and isinstance(values[0], AutoDiffXd):
-                x, slope = ExtractValue(values).ravel(), ExtractGradient(values)
-                f, gradient = tried(x)
-                chained = gradient[None, :] @ slope if slope.size else np.zeros((1, 0))
-                return InitializeAutoDiff(np.array([[f]]), chained)[0, 0]
-            return tried(np.asarray(values, dtype=float))[0]
-
-        self._cost = self.prog.AddCost(cost, np.array(self._variables))
+        return ProgramSolution(x, cost, success and bool(np.isfinite(cost)), 0, (cost,))
 
 
 def _weigh(term: _Term, r: NDArray) -> tuple[NDArray, NDArray]:

@@ -14,27 +14,16 @@ from pydrake.solvers import (
     SolverOptions,
 )
 
-from nico_selfmodel.least_squares import (
-    LevenbergMarquardtResult,
-    NormalEquations,
-    Step,
-    levenberg_marquardt,
-)
-from nico_selfmodel.optimization.separable_block import eliminated_step
+from nico_selfmodel.least_squares import LevenbergMarquardtResult
+from nico_selfmodel.optimization.free_variables import LeastSquaresProgram, minimised
 
 
-class LeastSquaresProgram(Protocol):
-    """A MathematicalProgram whose cost is a sum of squares with known normal equations."""
-
-    prog: MathematicalProgram
+class SolvedProgram(LeastSquaresProgram, Protocol):
+    """A program of residual blocks that can be had as a MathematicalProgram."""
 
     @property
-    def own_variables(self) -> NDArray | None:
-        """Indices (V, m) of variables that a step may eliminate in blocks; None if none."""
-        ...
-
-    def normal_equations(self, x: NDArray) -> NormalEquations:
-        """Return cost, gradient and Gauss-Newton matrix at x."""
+    def prog(self) -> MathematicalProgram:
+        """The very same problem, as Drake sees it."""
         ...
 
 
@@ -44,7 +33,7 @@ class LevenbergMarquardtSolver(SolverInterface):
     Variables fixed by equal bounds are left out of the iteration.
     """
 
-    def __init__(self, program: LeastSquaresProgram) -> None:
+    def __init__(self, program: SolvedProgram) -> None:
         """Remember where the normal equations come from; a binding cannot give them back."""
         SolverInterface.__init__(self)
         self._program = program
@@ -70,7 +59,7 @@ class LevenbergMarquardtSolver(SolverInterface):
         """Say why a program cannot be solved; empty if it can."""
         if prog is not self._program.prog:
             return "LevenbergMarquardtSolver solves only the program of its CalibrationProgram"
-        lower, upper = bounds_of(prog)
+        lower, upper = _bounds_of(prog)
         known = len(prog.bounding_box_constraints())
         if len(prog.GetAllCosts()) > 1 or len(prog.GetAllConstraints()) > known:
             return "LevenbergMarquardtSolver knows one cost and fixed variables only"
@@ -101,60 +90,16 @@ class LevenbergMarquardtSolver(SolverInterface):
         """
         guess = prog.initial_guess() if initial_guess is None else initial_guess
         options = _options(self.solver_id(), prog.solver_options(), solver_options)
-        x, outcome = self.minimise(prog, np.array(guess, dtype=float), **options)
-        found = outcome.converged
-        status = SolutionResult.kSolutionFound if found else SolutionResult.kIterationLimit
-        return _drake_result(prog, x, outcome, status)
-
-    def minimise(
-        self, prog: MathematicalProgram, guess: NDArray, **options: Any
-    ) -> tuple[NDArray, LevenbergMarquardtResult]:
-        """Minimise as `Solve` does, without a Drake result, which takes half a millisecond.
-
-        Args:
-            prog: The program of the `CalibrationProgram` given at construction.
-            guess: Start. Shape (p,).
-            options: `max_iterations`, `tolerance`.
-
-        Returns:
-            The solution, shape (p,), and how it was found.
-
-        Raises:
-            ValueError: If `prog` is another program or the guess is not finite.
-        """
         reason = self.ExplainUnsatisfiedProgramAttributes(prog)
         if reason:
             raise ValueError(reason)
-        if not np.isfinite(guess).all():
-            raise ValueError("the initial guess must be finite; set a start for every variable")
-        lower, upper = bounds_of(prog)
-        free = np.flatnonzero(lower < upper)
-        x = np.where(lower < upper, guess, lower)
-
-        def evaluate(y: NDArray) -> NormalEquations:
-            x[free] = y
-            cost, gradient, hessian = self._program.normal_equations(x)
-            return cost, gradient[free], hessian[np.ix_(free, free)]
-
-        step = _eliminating(self._program.own_variables, free)
-        self.last = levenberg_marquardt(evaluate, x[free], step=step, **options)
-        x[free] = self.last.x
-        return x, self.last
+        x, self.last = minimised(self._program, np.array(guess, dtype=float), **options)
+        found = self.last.converged
+        status = SolutionResult.kSolutionFound if found else SolutionResult.kIterationLimit
+        return _drake_result(prog, x, self.last, status)
 
 
-def _eliminating(own: NDArray | None, free: NDArray) -> Step | None:
-    """Return the step that eliminates blocks of variables, where all of them are free."""
-    if own is None or not np.isin(own, free).all():
-        return None
-    places = np.searchsorted(free, own)
-
-    def step(hessian: NDArray, gradient: NDArray, damping: NDArray) -> NDArray | None:
-        return eliminated_step(hessian, gradient, damping, places)
-
-    return step
-
-
-def bounds_of(prog: MathematicalProgram) -> tuple[NDArray, NDArray]:
+def _bounds_of(prog: MathematicalProgram) -> tuple[NDArray, NDArray]:
     """Return the tightest bounds of every decision variable. Two arrays of shape (p,)."""
     lower, upper = np.full(prog.num_vars(), -np.inf), np.full(prog.num_vars(), np.inf)
     for binding in prog.bounding_box_constraints():

@@ -9,11 +9,10 @@ from xml.parsers.expat import ExpatError, ParserCreate
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydrake.math import RollPitchYaw, RotationMatrix
 
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.files.reading import LARGEST_ROBOT, read_bytes
-from nico_selfmodel.geometry.rotation import rotation_from_rpy
+from nico_selfmodel.geometry.rotation import rotation_from_rpy, rpy_of
 from nico_selfmodel.geometry.transform import transform
 
 SAME = 1e-14
@@ -123,9 +122,8 @@ def set_pose(element: Element, pose: NDArray) -> None:
     """
     if np.abs(pose_of(element) - pose).max() < SAME:
         return
-    rpy = RollPitchYaw(RotationMatrix(pose[:3, :3])).vector()
     element.setAttribute("xyz", numbers_text(pose[:3, 3]))
-    element.setAttribute("rpy", numbers_text(rpy))
+    element.setAttribute("rpy", numbers_text(rpy_of(pose[:3, :3])))
 
 
 def origin_of(element: Element) -> NDArray:

@@ -13,6 +13,7 @@ from nico_selfmodel.geometry.rotation import (
     rotation_from_vector,
     rotation_vector_of,
     rotation_vector_slope,
+    rpy_of,
     signed_angle,
     skew,
     tangent_basis,
@@ -122,6 +123,18 @@ def test_the_parts_of_roll_pitch_yaw_turn_in_urdfs_order():
     assert rotation_from_rpy(0, 0.5 * np.pi, 0) @ z == pytest.approx(x)
     assert rotation_from_rpy(0.5 * np.pi, 0, 0.5 * np.pi) @ y == pytest.approx(z)
     assert rotation_from_rpy(0, 0.5 * np.pi, 0.5 * np.pi) @ z == pytest.approx(y)
+
+
+@given(ANGLE, st.floats(-1.57, 1.57), ANGLE)
+def test_roll_pitch_and_yaw_are_found_again(roll, pitch, yaw):
+    found = rpy_of(rotation_from_rpy(roll, pitch, yaw))
+    assert np.cos(found - [roll, pitch, yaw]) == pytest.approx(np.ones(3), abs=EXACT)
+
+
+@given(ANGLE, st.sampled_from([0.0, 1e-16, 1e-12, 1e-8, 1e-4]), ANGLE)
+def test_roll_pitch_and_yaw_are_the_rotation_at_gimbal_lock_too(roll, short, yaw):
+    rotation = rotation_from_rpy(roll, 0.5 * np.pi - short, yaw)
+    assert rotation_from_rpy(*rpy_of(rotation)) == pytest.approx(rotation, abs=4e-15)
 
 
 @given(UNIT)

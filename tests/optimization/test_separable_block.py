@@ -146,7 +146,7 @@ def test_snopt_finds_the_same_minimum_of_the_very_same_program(block):
     program = program_of(block)
     program.add_prior("drift", 0.0, 0.5)
     ours = program.solve()
-    program.prog.SetInitialGuessForAllVariables(ours.x + 0.05)
+    program.move_start(ours.x + 0.05)
     theirs = program.solve("snopt")
     assert ours.converged
     assert theirs.converged

@@ -31,7 +31,7 @@ def robust(program):
 @pytest.mark.parametrize("change", [nothing, pinned, with_prior, robust])
 def test_three_solvers_agree_on_one_program(decay, change):
     change(decay)
-    decay.prog.SetInitialGuessForAllVariables(np.where(decay.free, [1.5, 0.5], decay.start))
+    decay.move_start(np.where(decay.free, [1.5, 0.5], decay.start))
     solutions = [decay.solve(solver) for solver in SOLVERS]
     assert [s.converged for s in solutions] == [True] * 3
     costs = [s.cost for s in solutions]

@@ -64,6 +64,12 @@ def test_the_static_page_holds_the_whole_scene(learned):
     assert draw_commands(static_html(learned)) >= {f"{ROOT}/{path}" for path in learned.paths}
 
 
+def test_the_static_page_is_without_decoders_that_nothing_in_it_needs(learned):
+    page = static_html(learned)
+    assert not re.search("(wasm|javascript);base64,", page)
+    assert len(page) < 1.5e6
+
+
 def draw_commands(page):
     """Return the paths of all objects in a static page of either viewer."""
     from meshcat.visualizer import umsgpack

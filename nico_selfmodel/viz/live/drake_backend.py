@@ -1,6 +1,7 @@
 """A scene in Drake's Meshcat: live on this machine, or as one self-contained page."""
 
 import logging
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -32,6 +33,8 @@ from nico_selfmodel.viz.scene.scene_items import (
 AMBIENT, BACKGROUND = 1.1, ((1.0, 1.0, 1.0), (0.90, 0.92, 0.95))
 
 
+_DECODERS = re.compile(r"data:application/(?:wasm|javascript);base64,[\w+/=]*")
+"""What the viewer reads compressed meshes and textures with, most of its page: ours are plain."""
 _GRAIN = 2.0**-15
 """To which places of triangles are rounded, for pages to be packed: nobody sees it [m]."""
 
@@ -73,7 +76,7 @@ def static_html(scene: Scene) -> str:
     Raises:
         SelfModelError: If the server that makes it cannot start.
     """
-    return draw_in_drake(scene).StaticHtml()
+    return _DECODERS.sub("data:,", draw_in_drake(scene).StaticHtml())
 
 
 def draw_item(meshcat: Meshcat, path: str, item: Item) -> None:
