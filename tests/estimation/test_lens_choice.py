@@ -1,11 +1,13 @@
 """Fisheyes and rational lenses: learned to what OpenCV reaches, and chosen by unseen boards."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
+from nico_selfmodel.estimation.cameras import lens_choice
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
@@ -203,3 +205,46 @@ def test_a_lens_that_does_not_exist_is_refused():
         CameraOptions(lens="round")
     with pytest.raises(ValueError, match="no lens 'auto'; there are polynomial, rational"):
         calibrate_cameras(train, CameraOptions(lens="auto"))
+
+
+def left_by_a_lens(board_px, left_out):
+    """What a lens leaves: rms of each of 20 boards of 30 corners, learned from and left out."""
+    rms = np.asarray(board_px)[:, None, None]
+    calibration = SimpleNamespace(
+        residuals=rms * np.ones((20, 30, 2)) / np.sqrt(2.0),
+        outliers=np.zeros(20, dtype=bool),
+        pixel_sigma=0.01 / np.sqrt(2.0),
+        names=("fx", "fy", "cx", "cy"),
+    )
+    return lens_choice._Found(None, calibration, None, np.log(left_out), False)
+
+
+@pytest.mark.parametrize(
+    ("spread", "by_corners", "gain", "wrong"),
+    [
+        (0.5, 11.0, 0.005, True),
+        (0.5, 9.0, 0.005, False),  # not likelier by far
+        (0.5, 11.0, -0.005, False),  # boards left out lose
+        (4.0, 11.0, 0.005, False),  # boards do not agree
+        (4.0, 11.0, 0.015, True),  # and what is left out gains a hundredth
+    ],
+)
+def test_where_left_out_boards_gain_little_the_corners_decide_board_by_board(
+    spread, by_corners, gain, wrong
+):
+    # Log-likelihoods of boards: 30 corners of the other lens have the rms 0.01 px.
+    own = by_corners / 20 + spread * np.array([-1.0, 1.0] * 10)
+    left = np.exp(0.05 * np.array([-1.0, 1.0] * 10))  # what is left out scatters by more
+    asked = left_by_a_lens(0.01 * np.sqrt(1.0 + own / 30), 0.01 * np.exp(gain) * left)
+    other = left_by_a_lens(np.full(20, 0.01), np.full(20, 0.01))
+    assert lens_choice._unlikelier(asked, other).sum() == pytest.approx(by_corners)
+    assert lens_choice._is_wrong(asked, other) == wrong
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "wrong"), [(300, True), (310, True), (302, False)])
+def test_a_fisheye_asked_for_before_a_rational_lens_fails_where_corners_tell(seed, wrong):
+    """302 bends light as a fisheye does: the corners learned from are as likely under both."""
+    choice, verdict = verdict_on("rational", seed, "fisheye")
+    assert (choice.better == "rational") == wrong
+    assert not wrong or verdict.status == "FAIL"

@@ -201,10 +201,18 @@ def _compared(views: BoardViews, options: CameraOptions) -> LensChoice:
 def _is_wrong(own: "_Found", other: "_Found") -> bool:
     """Tell whether another lens is right in place of the one asked for.
 
-    Where a few boards alone tell, unseen ones scatter: then the corners learned from decide.
+    Where a few boards alone tell, unseen ones scatter; where a wrong lens comes near, as a fisheye
+    does to a rational one in the middle of the image, they gain less than that, but its misfit is
+    several times what a place in the image is said to be uncertain by. Then the corners learned
+    from decide, board by board.
     """
+    if own.worse_than(other):
+        return True
     gain = float((own.left_out - other.left_out).mean())
-    return own.worse_than(other) or (gain > _GAIN and _surplus(own, other) > _FAR_LIKELIER)
+    unlikelier = _unlikelier(own, other)
+    sigma = float(unlikelier.std(ddof=1)) * np.sqrt(len(unlikelier))
+    told = gain > _GAIN or (gain > 0.0 and float(unlikelier.sum()) > _TOLD * sigma)
+    return told and _surplus(own, other) > _FAR_LIKELIER
 
 
 def _trial(lens: str, found: "_Found", reason: str) -> LensTrial:
@@ -333,18 +341,22 @@ def _found(
 
 
 def _surplus(one: _Found, other: _Found) -> float:
-    """Return by how much a lens is less likely than another, each number counted as one.
+    """Return by how much a lens is less likely than another, each number counted as one."""
+    numbers = len(one.calibration.names) - len(other.calibration.names)
+    return float(_unlikelier(one, other).sum()) + numbers
 
-    Boards that are outliers to either tell nothing.
+
+def _unlikelier(one: _Found, other: _Found) -> NDArray:
+    """Return by how much each board's corners are less likely under one lens than under another.
+
+    A logarithm, of boards that are outliers to neither. Shape (n,).
     """
     both = ~(one.calibration.outliers | other.calibration.outliers)
     sigma = min(one.calibration.pixel_sigma, other.calibration.pixel_sigma)
-    costs = [
-        0.5 * float(np.nansum(found.calibration.residuals[both] ** 2)) / sigma**2
-        + len(found.calibration.names)
-        for found in (one, other)
+    squares = [
+        np.nansum(found.calibration.residuals[both] ** 2, axis=(1, 2)) for found in (one, other)
     ]
-    return costs[0] - costs[1]
+    return np.asarray(0.5 * (squares[0] - squares[1]) / sigma**2)
 
 
 def _chosen(found: dict[str, _Found], failed: dict[str, LensTrial]) -> LensChoice:

@@ -3,7 +3,7 @@
 OpenCV says which circle is where. Its centre is then measured as the centroid of what is dark,
 which no symmetric blur moves; the image of a circle is an ellipse whose centroid is not the image
 of the centre (Heikkila, Silven 1997, section 2.2), and the difference is taken off as a
-plane behind a round lens has it.
+plane behind a round lens has it. A circle at the image's edge, or with glare on it, is not seen.
 """
 
 from dataclasses import dataclass
@@ -27,6 +27,8 @@ _SEARCHED = 2_500_000
 """Pixels of the copy of a large image in which circles are looked for."""
 _REACH = 1.35
 """Radii up to which what is dark belongs to a circle."""
+_LOST = 0.25
+"""Share of the circles that may not be plain to see: of more, it is no grid that was found."""
 _AROUND = 3.0
 """What must be seen around a circle at the image's edge [px]: with 2 px it is 0.08 px off."""
 _ROUND = 48
@@ -106,21 +108,29 @@ class CircleGrid:
         rough = self._rough(gray)
         if rough is None:
             return NotSeen(f"{METHOD} found no {self} grid")
-        centres = self._centred(gray, rough)
-        if centres is None:
-            return NotSeen(f"a {self} grid, but some of its circles are not plain to see")
-        size = (gray.shape[1], gray.shape[0])
         try:
-            stray = stray_points(self.points[:, :2], centres, size)
+            centres = self._without_stray(self._centred(gray, rough), gray)
         except ValueError:  # circles on one line have no homography
             return NotSeen(f"no {self} grid but scattered spots")
-        if stray.any():
-            u, v = (float(x) for x in centres[stray][0])
+        lost = np.isnan(centres[:, 0])
+        if lost.sum() > _LOST * len(lost):
+            u, v = rough[lost].mean(axis=0)
             return NotSeen(
-                f"a {self} grid, but {int(stray.sum())} of its circles could not be located (near "
-                f"{u:.0f}, {v:.0f}): glare, a shadow or dirt"
+                f"a {self} grid, but {int(lost.sum())} of its circles are not plain to see (about "
+                f"{u:.0f}, {v:.0f}): the image's edge, glare, a shadow or dirt"
             )
         return BoardDetection(self, read_only(centres), METHOD, None)
+
+    def _without_stray(self, centres: NDArray, gray: NDArray) -> NDArray:
+        """Return centres without those that lie where the others cannot have them."""
+        board, size = self.points[:, :2], (gray.shape[1], gray.shape[0])
+        kept = np.flatnonzero(np.isfinite(centres[:, 0]))
+        while len(kept) >= (1.0 - _LOST) * len(board):
+            stray = stray_points(board[kept], centres[kept], size)
+            if not stray.any():
+                break
+            kept = kept[~stray]
+        return np.where(np.isin(np.arange(len(board)), kept)[:, None], centres, np.nan)
 
     def _rough(self, gray: NDArray) -> NDArray | None:
         """Return centres as OpenCV sees them; None where it sees no grid. Shape (P, 2)."""
@@ -147,23 +157,22 @@ class CircleGrid:
             grid = grid[::-1, ::-1]
         return grid.reshape(-1, 2)
 
-    def _centred(self, gray: NDArray, rough: NDArray) -> NDArray | None:
-        """Return images of the centres; None where a circle is not plain to see. (P, 2)."""
+    def _centred(self, gray: NDArray, rough: NDArray) -> NDArray:
+        """Return images of the centres, nan of circles that are not plain to see. (P, 2)."""
         centres, board = rough, self.points[:, :2]
         angle = np.linspace(0.0, 2.0 * np.pi, _ROUND, endpoint=False)
         circle = 0.5 * self.diameter * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         shape = (len(board), _ROUND, 2)
         for _ in range(_PASSES):
-            seen = BoardBehindLens(board, centres, (gray.shape[1], gray.shape[0]))
+            if np.isnan(centres[:, 0]).sum() > _LOST * len(centres):
+                break
+            seen = BoardBehindLens.of_seen(board, centres, (gray.shape[1], gray.shape[0]))
             middles = seen.pixels_of(board)
             outlines, wide = (
                 seen.pixels_of((board[:, None] + share * circle).reshape(-1, 2)).reshape(shape)
                 for share in (1.0, _REACH)
             )
-            found = [_dark_centroid(gray, *both) for both in zip(wide, outlines, strict=True)]
-            dark = [middle for middle in found if middle is not None]
-            if len(dark) < len(found):
-                return None
+            dark = [_dark_centroid(gray, *both) for both in zip(wide, outlines, strict=True)]
             # The middle of what a circle looks like is not where its middle is.
             aside = np.array([_centroid(outline) for outline in outlines]) - middles
             centres = np.array(dark) - aside
@@ -184,8 +193,8 @@ def _centroid(outline: NDArray) -> NDArray:
     return np.asarray(((start + end) * area[:, None]).sum(axis=0) / (3.0 * area.sum()))
 
 
-def _dark_centroid(gray: NDArray, wide: NDArray, outline: NDArray) -> NDArray | None:
-    """Return the centroid of what is dark within an outline; None where it is not plain to see.
+def _dark_centroid(gray: NDArray, wide: NDArray, outline: NDArray) -> NDArray:
+    """Return the centroid of what is dark within an outline; nan where it is not plain to see.
 
     What is light around it may fall off in any direction: it is taken as a plane.
     """
@@ -193,7 +202,7 @@ def _dark_centroid(gray: NDArray, wide: NDArray, outline: NDArray) -> NDArray | 
     room, reach = np.minimum(middle, size - 1.0 - middle), np.abs(wide - middle).max(axis=0)
     fits = min(1.0, float((room / reach).min()))
     if (fits * reach - np.abs(outline - middle).max(axis=0)).min() < _AROUND:
-        return None
+        return np.full(2, np.nan)
     wide = middle + fits * (wide - middle)
     low = np.maximum(np.floor(wide.min(axis=0)).astype(int) - 1, 0)
     high = np.minimum(np.ceil(wide.max(axis=0)).astype(int) + 2, size)
@@ -211,7 +220,7 @@ def _dark_centroid(gray: NDArray, wide: NDArray, outline: NDArray) -> NDArray | 
     dark = (plane[0] + plane[1] * u + plane[2] * v) - part
     contrast = float(dark[core > 0].mean()) if core.any() else 0.0
     if contrast < _CONTRAST:
-        return None
+        return np.full(2, np.nan)
     weights = dark * (inside > 0)
     total = weights.sum()
     return np.array([(weights * u).sum(), (weights * v).sum()]) / total + low
