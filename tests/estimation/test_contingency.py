@@ -15,6 +15,7 @@ from nico_selfmodel.estimation.contingency.motion_response import (
     LITTLE,
     MUCH,
     STILL,
+    MotionResponse,
     learn_response,
 )
 
@@ -129,6 +130,20 @@ def test_a_hundred_encounters_of_a_kind_are_all_told_in_time(kind, verdicts, wit
     found = [met(kind, seed) for seed in range(100)]
     assert {one.verdict for one in found} <= verdicts
     assert max(one.seconds for one in found) < within
+
+
+@pytest.mark.parametrize("late", [2, 6, 8])
+def test_a_pause_of_ones_own_says_nothing_against_who_repeats_ones_motion(late):
+    rates = np.array([[0.003, 0.5, 0.33], [0.27, 0.75, 0.6], [0.96, 0.98, 0.996]])
+    response = MotionResponse(PERIOD, 0, rates, 0.00125, 0.147, 0.837, 50.0)
+    m = np.array([STILL] * 46 + [MUCH] * 3 + [STILL] * 3 + [MUCH] * 5 + [STILL] * 9)
+    image = np.concatenate([np.zeros(1 + late, dtype=bool), m[: len(m) - 1 - late] == MUCH])
+    image[47] = True  # a false alarm, as oneself starts
+    told = [tell_contingency(m[:k], image[:k], response) for k in range(len(m))]
+    assert SELF not in {one.verdict for one in told}
+    # A chain alone, that starts as often as oneself, lost 7.3 by the pause: self was told, at 10.5,
+    # where the other came 8 pictures later.
+    assert told[-1].log_odds.max() < 7.5
 
 
 def test_who_is_hidden_a_quarter_of_the_time_is_not_taken_for_another():

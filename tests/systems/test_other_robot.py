@@ -5,7 +5,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.planning.motor_program import MotorProgram
 from nico_selfmodel.planning.own_view import OwnArmInView
 from nico_selfmodel.sessions.motion_session import Encounter, MotionSession
@@ -75,6 +75,27 @@ def test_cells_with_the_own_arm_hold_the_tracked_hand():
         assert cells.mean() < 0.7
 
 
+def test_an_arm_on_a_line_that_the_lens_does_not_show_still_reaches_into_the_picture(monkeypatch):
+    model = NICO.ground_truth.model()
+    camera = model.rig.left
+    own = OwnArmInView(NICO.arm, model, camera, 16)
+    shown = ~np.isnan(own._rays[:, :, 0])
+    assert 0 < (~shown).sum() < 30
+    last = int(np.flatnonzero(shown[29])[-1])  # the cell of the lowest row that is shown last
+    ray = own._rays[29, last]
+    aside = np.array([ray[0], ray[1], 0.0]) / np.hypot(*ray[:2])
+    covered = {}
+    for off in (0.02, 0.2):
+        middle = apply(camera.X_WC, (0.12 * ray + off * aside)[None])
+        assert np.isnan(camera.project(middle)).all()
+        monkeypatch.setattr(own, "points", lambda _, p=middle: (p, np.array([0.026])))
+        covered[off] = own.cells([])
+        assert covered[off][~shown].all()  # nothing is seen there, nothing to judge
+    assert covered[0.02][29, last]
+    assert not covered[0.2][29, last]
+    assert covered[0.02][shown].mean() < 0.05
+
+
 def test_starts_and_stops_of_a_motor_program_have_no_memory():
     rng = np.random.default_rng(1)
     poses = rng.uniform(0.0, 1000.0, (30, 4))
@@ -114,8 +135,9 @@ def test_what_moves_before_either_camera_alone_is_noticed(station, monkeypatch, 
         calls[side] += 1
         shown = grey + rng.normal(0.0, 2.0, grey.shape)
         if side == flashing and calls[side] % 2:
-            shown[:32, :32] += 60.0
-            shown[-32:, -32:] += 60.0
+            # Two places, as the arm may cover one; the lens shows no corners.
+            shown[:32, 160:192] += 60.0
+            shown[-32:, 160:192] += 60.0
         return shown.astype(np.uint8)
 
     monkeypatch.setattr(station, "picture", picture)

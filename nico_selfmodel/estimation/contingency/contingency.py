@@ -15,6 +15,8 @@ ODDS = 100.0 * 100.0
 _HIDES, _SHOWS = 0.03, 0.2
 """How often, of pictures between which one moves, a mirror begins not to show it, and to show it
 again: its edge, or the own arm before it."""
+_LATEST = 5.0
+"""Who repeats one's motion later than this counts as anybody else [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +45,14 @@ def tell_contingency(moved: ArrayLike, seen: ArrayLike, response: MotionResponse
 
         self      a hidden Markov chain: where a mirror shows what moves, P(y_t | m_(t-d-1),
                   m_(t-d)) with the delay d as learned; where it does not, P(y_t | nobody)
-        another   log L_O = sum_t log P(y_t | y_(t-1)), a Markov chain that starts and stops as
-                  often as one does oneself
+        another   half as likely one who moves as it likes, log L = sum_t log P(y_t | y_(t-1)), a
+                  Markov chain that starts and stops as often as one does oneself; half as likely
+                  one who repeats one's motion k pictures later, P(y_t | m_(t-d-k-1), m_(t-d-k)),
+                  with k = 2, 3, ... as likely as 1 / k, and before that is remembered as the chain
         nobody    log L_N = sum_t log P(y_t | nobody), what is seen where nothing moves
+
+    Who repeats one's motion pauses when oneself does: a chain loses log odds to self by each
+    picture of such a pause, though self explains it no better than the one who is late.
 
     The test is sequential (Wald): odds L_S / ((L_O + L_N) / 2) of `ODDS` to 1 tell self, of 1 to
     `ODDS` rule it out. Whether anybody is there is then told by the same odds between the other
@@ -89,10 +96,30 @@ def _logs(m: NDArray, y: NDArray, response: MotionResponse) -> list[NDArray]:
         return np.where(found, rate, 1.0 - rate)
 
     moved = m[1 : len(m) - response.delay] > STILL
+    rate = response.after(m)
     nothing = each(np.full(len(found), response.unprompted))
     chain = each(np.where(before, response.stays, response.starts))
-    logs = _of_self(each(response.after(m)), nothing, moved), *map(_summed, (chain, nothing))
+    late = _of_the_late(found, rate, chain, int(_LATEST / response.period))
+    other = np.logaddexp(_summed(chain), late) - np.log(2.0)
+    logs = _of_self(each(rate), nothing, moved), other, _summed(nothing)
     return [np.concatenate([np.zeros(first), log]) for log in logs]
+
+
+def _of_the_late(found: NDArray, rate: NDArray, chain: NDArray, latest: int) -> NDArray:
+    """Return log L of one who repeats one's motion, after each picture.
+
+    Args:
+        found: y_t. Shape (K,).
+        rate: P(y_t = 1) of oneself. Shape (K,).
+        chain: Likelihood of each picture by who moves as it likes. Shape (K,).
+        latest: Most pictures that it may come later.
+    """
+    later = np.arange(2, latest + 1)
+    then = np.arange(len(found))[:, None] - later
+    repeated = rate[np.maximum(then, 0)]
+    repeated = np.where(found[:, None], repeated, 1.0 - repeated)
+    logs = np.cumsum(np.log(np.where(then >= 0, repeated, chain[:, None])), axis=0)
+    return np.logaddexp.reduce(logs - np.log(later * (1.0 / later).sum()), axis=1)
 
 
 def _summed(likelihood: NDArray) -> NDArray:
