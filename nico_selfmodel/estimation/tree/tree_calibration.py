@@ -304,7 +304,7 @@ def _finished(
         described,
         start.label,
         len(costs),
-        agreeing(costs, residuals.observations.scalars),
+        agreeing(costs),
         time.perf_counter() - clock,
         description,
         ladder,
