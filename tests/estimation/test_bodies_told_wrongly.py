@@ -24,10 +24,15 @@ def arm():
 
 
 @pytest.fixture(scope="module")
-def place(arm):
-    """Where the first tag is said to be by the data alone."""
+def places(arm):
+    """Where tags are said to be by the data alone."""
     found = calibrate_tree(arm, effects=())
-    return float(found.values[found.parameters.index["hand_tag0.x"]])
+    return dict(zip(found.parameters.names, found.values.tolist(), strict=True))
+
+
+@pytest.fixture(scope="module")
+def place(places):
+    return places["hand_tag0.x"]
 
 
 def refusal(data, **told):
@@ -37,8 +42,9 @@ def refusal(data, **told):
 
 
 @pytest.mark.parametrize("kind", ["fix", "prior"])
-def test_a_told_value_that_contradicts_the_data_is_named_with_what_they_ask_for(arm, place, kind):
-    pins = FixedParameters({"hand_tag0.x": place + 0.3, "hand_tag1.x": None})
+def test_a_told_value_that_contradicts_the_data_is_named_with_what_they_ask_for(arm, places, kind):
+    place = places["hand_tag0.x"]
+    pins = FixedParameters({"hand_tag0.x": place + 0.3, "hand_tag1.x": places["hand_tag1.x"]})
     wishes = Wishes(pins)
     if kind == "prior":
         wishes = Wishes(FixedParameters({}), {"hand_tag0.x": (place + 0.3, 1e-4)})

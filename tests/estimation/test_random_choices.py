@@ -9,7 +9,7 @@ import pytest
 from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
-from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
+from nico_selfmodel.estimation.tree.tree_parameters import FRAME_PARTS, TreeParameters
 from nico_selfmodel.estimation.tree.tree_setup import Description, Wishes
 
 from .simulated_trees import one_arm, turned
@@ -44,22 +44,23 @@ def random_case(seed):
 def random_wishes(rng, true, data, described):
     """Hold, free or nearly know up to eight parameters.
 
-    Without a description frames of joints, and places on their links, are told from wherever the
-    axes were found: no value of them is known.
+    Without a description frames of joints are told from wherever the axes were found: no value of
+    them is known. What nothing tells is held at its value, never where a guess has it.
     """
     parameters = TreeParameters(true)
     values = dict(zip(parameters.names, parameters.values_of(true).tolist(), strict=True))
-    found = {*data.joint_names, *(marker.name for marker in data.markers)}
+    guessed = {*(m.name for m in data.markers), *(s.name for s in data.sensors)}
     usable = [
         name
         for name in parameters.names
-        if described or name.split(".")[0] not in found or name.endswith("gear")
+        if described or name.split(".")[0] not in data.joint_names or name.endswith("gear")
     ]
     held, freed, priors = {}, set(), {}
     for name in rng.permutation(usable)[: int(rng.integers(0, 9))].tolist():
         kind, value = rng.random(), values[name]
         if kind < 0.3:
-            held[name] = None
+            frame, _, part = name.rpartition(".")
+            held[name] = value if frame in guessed and part in FRAME_PARTS else None
         elif kind < 0.55:
             held[name] = value
         elif kind < 0.8:

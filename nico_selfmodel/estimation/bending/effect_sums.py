@@ -94,7 +94,9 @@ class Reduced:
         effects = np.concatenate([np.zeros(0, dtype=int), *member.values()])
         rigid = np.delete(np.arange(len(g)), effects)
         A = H[np.ix_(rigid, rigid)]
-        size = np.sqrt(np.maximum(np.diag(A), np.finfo(float).tiny))
+        told = np.diag(A) > 0.0
+        # What nothing tells stays where it is: in units of almost nothing it would go anywhere.
+        size = np.sqrt(np.where(told, np.diag(A), 1.0))
         units = np.outer(size, size)
         inverse = np.linalg.pinv(A / units, rcond=1e-11, hermitian=True) / units
         across = H[np.ix_(rigid, effects)]

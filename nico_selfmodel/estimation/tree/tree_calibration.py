@@ -19,6 +19,7 @@ from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend
 from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boards
 from nico_selfmodel.estimation.tree.compared_errors import usual_errors
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, held_scores
+from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed
 from nico_selfmodel.estimation.tree.contradictions.standing_still import check_that_it_moved
 from nico_selfmodel.estimation.tree.contradictions.told_values import agreeing_start
 from nico_selfmodel.estimation.tree.contradictions.wrong_units import start_in_stated_units
@@ -279,7 +280,9 @@ def _finished(
     problem = TreeProblem(
         residuals, setup.free, setup.priors, noise, noise_known=known, alike=setup.alike
     )
-    ladder = bends(problem, problem.refine(start.values))
+    rigid = problem.refine(start.values)
+    check_that_it_stayed(parameters, start.values, rigid.values)
+    ladder = bends(problem, rigid)
     problem, solution = ladder.solution.problem, ladder.solution.solution
     residuals = problem.residuals
     parameters = residuals.parameters
@@ -301,7 +304,7 @@ def _finished(
         described,
         start.label,
         len(costs),
-        agreeing(costs, residuals.observations.scalars),
+        agreeing(costs),
         time.perf_counter() - clock,
         description,
         ladder,

@@ -20,6 +20,17 @@ from nico_selfmodel.dataset.body.sensors import (
 )
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
+from nico_selfmodel.estimation.tree.contradictions.refused_wishes import (
+    refuse_frames,
+    refuse_free_world,
+    refuse_planes,
+    refuse_untold,
+)
+from nico_selfmodel.estimation.tree.guesses.told_frames import (
+    exchanged_parts,
+    told_on_links,
+    told_size,
+)
 from nico_selfmodel.estimation.tree.tree_parameters import (
     APART,
     FRAME_PARTS,
@@ -124,6 +135,8 @@ class TreeSetup:
     """What stands for the world: a sensor, a joint, or `base` of a described robot."""
     scale_from: str | None
     """What tells lengths; None where nothing does, and one is held."""
+    told: Mapping[str, float] = field(default_factory=dict)
+    """What is told of places on links that nothing describes: it says where their frames are."""
     alike: tuple[Alike, ...] = ()
     """Parameters whose priors have one standard deviation, which is learned: see `Description`."""
 
@@ -192,12 +205,13 @@ def setup_of(
 
     Raises:
         DataError: If nothing stands for the world.
-        ValueError: If a name does not exist.
+        ValueError: If a name does not exist, or is held where nothing tells its value.
     """
     _check_names(parameters, wishes)
+    held = wishes.pins.pinned.keys() | wishes.priors.keys()
     if description is None:
-        _refuse_frames(parameters, wishes)
-    _refuse_planes(data, wishes)
+        refuse_frames(parameters.base, held)
+    refuse_planes(data, held)
     world = _world_of(data, description)
     free, priors = set[str](), dict[str, tuple[float, float]]()
     moving = moving_joints(data, parameters)
@@ -227,14 +241,20 @@ def setup_of(
         if info.name != world:
             free |= {f"{info.name}.{part}" for part in parts_of(info)}
     given = {n: v for n, v in wishes.pins.pinned.items() if v is not None}
+    refuse_untold(data, free & (wishes.pins.pinned.keys() - given.keys()))
+    told = {}
+    if description is None:
+        known = {name: mean for name, (mean, _) in wishes.priors.items()} | given
+        told = told_on_links(data, parameters.base, known)
+    free |= exchanged_parts(parameters.base, told)
     priors |= dict(wishes.priors)
     free = (free | wishes.pins.freed | set(wishes.priors)) - set(wishes.pins.pinned)
-    scale = _scale_from(data, description, wishes)
+    scale = _scale_from(data, parameters.base, description, wishes, told)
     if scale is None:
+        refuse_free_world(world, wishes.pins.freed)
         free -= {held_scale(parameters.base, world) or ""}
-    return TreeSetup(
-        frozenset(free), priors, given, world, scale, _alike(data, description, wishes)
-    )
+    alike = _alike(data, description, wishes)
+    return TreeSetup(frozenset(free), priors, given, world, scale, told, alike)
 
 
 def parts_of(sensor: SensorInfo) -> tuple[str, ...]:
@@ -258,35 +278,6 @@ def _alike(data: BodyDataset, description: Description | None, wishes: Wishes) -
 def _check_names(parameters: TreeParameters, wishes: Wishes) -> None:
     for name in sorted(wishes.pins.names | set(wishes.priors)):
         refuse_unknown("parameter", name, parameters.names)
-
-
-def _refuse_frames(parameters: TreeParameters, wishes: Wishes) -> None:
-    """Refuse to hold parts of joint frames: without a description they are told from nowhere."""
-    of_axes = frozenset().union(
-        *(
-            {f"{joint}.{part}" for part in FRAME_PARTS}
-            for joint, motion in zip(parameters.base.joints, parameters.base.motions, strict=True)
-            if motion not in WHOLE_POSES
-        )
-    )
-    held = sorted((set(wishes.pins.pinned) | set(wishes.priors)) & of_axes)
-    if held:
-        raise ValueError(
-            f"{listed(held)} can only be held against a robot description: without one a joint's "
-            "frame is told from wherever it was found; give --robot, or hold a marker or sensor"
-        )
-
-
-def _refuse_planes(data: BodyDataset, wishes: Wishes) -> None:
-    """Refuse to hold parts of planes that are told from wherever they were found."""
-    held = set(wishes.pins.pinned) | set(wishes.priors)
-    for sensor in data.sensors:
-        own = sorted(held & {f"{sensor.name}.{part}" for part in FRAME_PARTS})
-        if sensor.kind == PLANE and sensor.X_LS is None and own:
-            raise ValueError(
-                f"{listed(own)} can only be held against a told place of plane {sensor.name!r}: "
-                "give it a 'pose' in dataset.yaml, z its normal, from which its parts are told"
-            )
 
 
 def moving_joints(data: BodyDataset, parameters: TreeParameters) -> NDArray:
@@ -326,9 +317,15 @@ def _world_of(data: BodyDataset, description: Description | None) -> str:
     )
 
 
-def _scale_from(data: BodyDataset, description: Description | None, wishes: Wishes) -> str | None:
+def _scale_from(
+    data: BodyDataset,
+    tree: BodyTree,
+    description: Description | None,
+    wishes: Wishes,
+    told: Mapping[str, float],
+) -> str | None:
     """Return what tells lengths; None where everything could be larger."""
-    if any(marker.xyz is not None for marker in data.markers):
+    if any(m.xyz is not None and f"{m.name}.x" not in told for m in data.markers):
         return KNOWN_PLACES
     used = set(data.observations.sensor.tolist())
     kinds = {data.sensors[s].kind: data.sensors[s].name for s in used}
@@ -345,8 +342,8 @@ def _scale_from(data: BodyDataset, description: Description | None, wishes: Wish
     if description is not None:
         return "robot description"
     known = {n for n, v in wishes.pins.pinned.items() if v} | set(wishes.priors)
-    lengths = sorted(n for n in known if n.rpartition(".")[2] in (*SHIFTS, APART))
-    return lengths[0] if lengths else None
+    lengths = [n for n in known - set(told) if n.rpartition(".")[2] in (*SHIFTS, APART)]
+    return min(lengths, default=told_size(tree, told))
 
 
 def held_scale(tree: BodyTree, world: str) -> str | None:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.guesses.told_frames import framed, told_size
 from nico_selfmodel.estimation.tree.guesses.touch_guess import Touches
 from nico_selfmodel.estimation.tree.mirrors.mirrored_tree import (
     anywhere,
@@ -70,6 +71,9 @@ class TreeStart:
         base = tree if description is None else _base_of(description, tree)
         parameters = TreeParameters(base)
         setup = setup_of(data, parameters, description, wishes)
+        if setup.told:
+            tree = framed(tree, setup.told, sized=setup.scale_from != told_size(tree, setup.told))
+            parameters = TreeParameters(tree)
         values = parameters.values_of(tree.scaled(_length_factor(setup, parameters, tree)))
         for name, value in setup.fixed.items():
             values[parameters.index[name]] = value

@@ -237,8 +237,10 @@ class TreeResiduals:
         J[gears + joints] = -read[joints] * slope[pose].T[:, :, None]
         if motion.load is not None:
             J[self._layout.bends] = by_bends(motion, read, across, pose)
-        self._by_attached(J, motion, slopes, push, run.seen, None)
-        self._by_attached(J, motion, slopes, pushed, run.seeing, sight.p_WS)
+        # The other of two markers is a point, whose frame may turn.
+        seeing = None if run.kind in PAIRS else sight.p_WS
+        self._by_attached(J, motion, slopes, push, run.seen, 1.0)
+        self._by_attached(J, motion, slopes, pushed, run.seeing, -1.0, seeing)
         for rows, own, one in zip(run.parts, run.own, sight.parts, strict=False):
             if one.by_lens is not None:
                 J[self._layout.intrinsics(rows.name), own] = one.by_lens.transpose(2, 0, 1)
@@ -337,12 +339,13 @@ class TreeResiduals:
         slopes: NDArray,
         push: Push,
         ends: AttachedEnds,
-        origin: NDArray | None,
+        sign: float,
+        origin: NDArray | None = None,
     ) -> None:
-        """Add what markers (`origin` None) or what sees them move on their links."""
-        shift, about = push.shift_first, push.turn_first
+        """Add what markers (`origin` None), or what sees them, `sign` -1, move on their links."""
+        shift, about = sign * push.shift_first, push.turn_first
+        about = None if about is None else sign * about
         if origin is not None:
-            shift, about = -shift, None if about is None else -about
             lever = push.p_first - np.repeat(origin.T, ends.k, axis=1)
             across = cross(lever, shift)
             about = across if about is None else across + about

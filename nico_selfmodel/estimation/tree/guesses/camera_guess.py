@@ -41,6 +41,8 @@ _POLISHED = 8
 _ROUNDS = 5
 _PLENTY = 0.9
 """Share of pairs that agree with a pose beside which no more are drawn."""
+_TRIED = 200
+"""Pairs by which poses are drawn and refined: enough to tell one from another."""
 _WITHIN_PX = 4.0
 """Distance from the epipolar line within which a pair agrees [px]."""
 _SHARE = 0.5
@@ -65,9 +67,11 @@ def relative_pose(
         DataError: If no relative pose agrees with half of the pairs, or all points lie in a plane.
     """
     best: _Pose | None = None
+    few = rng.permutation(len(first))[:_TRIED] if len(first) > _TRIED else slice(None)
+    a, b = first[few], second[few]
     for _ in range(_BATCHES):
-        drawn = sorted(_drawn(first, second, within, rng), key=lambda pose: pose.cost)
-        polished = [pose.polished(first, second, within) for pose in drawn[:_POLISHED]]
+        drawn = sorted(_drawn(a, b, within, rng), key=lambda pose: pose.cost)
+        polished = [pose.polished(a, b, within) for pose in drawn[:_POLISHED]]
         best = min(
             (best, *polished) if best else polished, key=lambda pose: pose.cost, default=None
         )
@@ -78,6 +82,7 @@ def relative_pose(
             "all markers that two cameras saw together lie in one plane, which leaves their "
             "relative pose open: let the markers move in depth, or say where the cameras are"
         )
+    best = _Pose.of(best.R, best.t, first, second, within).polished(first, second, within)
     if best.agree.mean() < _SHARE:
         raise DataError(
             "two cameras contradict each other: no relative pose puts more than "
@@ -185,13 +190,13 @@ def _sampson(
     """
     x, y = homogeneous(a), homogeneous(b)
     lines = np.hstack([(x @ E.T)[:, :2], (y @ E)[:, :2]])
-    s = np.sqrt(np.maximum(np.sum(lines**2, axis=1), 1e-300))
-    r = np.sum(y * (x @ E.T), axis=1) / s
+    s = np.sqrt(np.maximum(np.einsum("ni,ni->n", lines, lines), 1e-300))
+    r = np.einsum("ni,ni->n", y, x @ E.T) / s
     changes = np.zeros((0, 3, 3)) if dE is None else dE
     forth, back = x @ changes.swapaxes(1, 2), y @ changes
-    both = np.concatenate([forth[..., :2], back[..., :2]], axis=2)
-    ds = np.sum(both * lines, axis=2) / s
-    return r, ((np.sum(forth * y, axis=2) - r * ds) / s).T
+    ds = np.einsum("pni,ni->pn", forth[..., :2], lines[:, :2])
+    ds = (ds + np.einsum("pni,ni->pn", back[..., :2], lines[:, 2:])) / s
+    return r, ((np.einsum("pni,ni->pn", forth, y) - r * ds) / s).T
 
 
 def cameras_from_markers(

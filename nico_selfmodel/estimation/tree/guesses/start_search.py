@@ -4,7 +4,10 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import dataclass, replace
 from itertools import chain
 
-from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
 from nico_selfmodel.estimation.tree.boards.surroundings import Surroundings
 from nico_selfmodel.estimation.tree.guesses.first_guess import first_bodies
 from nico_selfmodel.estimation.tree.guesses.lens_guess import FACTORS
@@ -18,6 +21,13 @@ from nico_selfmodel.model.tree.body_tree import BodyTree
 
 _AGREE = 1e-3
 """Difference of robust costs, a scalar, below which two starts reached one minimum."""
+_PLENTY = 300
+"""Samples in which each sensor saw each marker, and each joint had moved, on which first bodies are
+tried: enough to tell one minimum from another."""
+_HALF = 0.5
+"""Share of the samples beyond which all are taken."""
+_MOVED = 0.05
+"""Share of its travel by which a joint has left where it mostly is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +39,7 @@ class FoundStart:
     tree: BodyTree
     """The first body that it comes from."""
     costs: tuple[float, ...]
-    """Of all that were tried."""
+    """Of all that were tried, a scalar."""
     scalars: int
     """How many numbers were measured."""
     begin: Callable[[str, BodyTree, Wishes], TreeStart]
@@ -44,7 +54,7 @@ def searched_start(
     seed: int,
     guessed: Collection[str] = (),
 ) -> FoundStart:
-    """Try first bodies until two agree.
+    """Try first bodies until two agree, on some of the samples where there are many.
 
     Args:
         data: The recording.
@@ -58,39 +68,82 @@ def searched_start(
         DataError: If the recording cannot tell a first body, or nothing stands for the world.
         ValueError: If a name does not exist.
     """
-    observations, direct = TreeObservations.of(data), seen_directly(data)
-    around = Surroundings.of_boards(observations, blank.lenses)
+    observations, few = TreeObservations.of(data), few_samples(data, seed)
+    tried = observations if few is data else TreeObservations.of(few)
+    around = Surroundings.of_boards(tried, blank.lenses)
     best: tuple[TreeStart, BodyTree] | None = None
     costs: list[float] = []
 
     def begin(label: str, tree: BodyTree, wishes: Wishes) -> TreeStart:
         return TreeStart.from_body(label, tree, data, observations, description, wishes)
 
-    bodies: Iterable[tuple[str, BodyTree]] = [("boards", around.alone(blank))]
-    if direct is not None:
-        seen = TreeObservations.of(direct, ~Touches.of(direct).rows)
-        lenses = _lens_tries(blank.lenses, guessed)
-        bodies = chain.from_iterable(
-            first_bodies(
-                direct,
-                replace(blank, lenses=some),
-                seen,
-                description and replace(description, tree=replace(description.tree, lenses=some)),
-                around.cameras,
-                seed,
-            )
-            for some in lenses
-        )
-    for label, tree in bodies:
-        tree = around.about(tree)
-        start = begin(label, tree, wishes)
-        costs.append(start.cost)
+    for label, first in _bodies(few, blank, around, description, seed, guessed):
+        tree = around.about(first)
+        start = TreeStart.from_body(label, tree, few, tried, description, wishes)
+        costs.append(start.cost / tried.scalars)
         if best is None or start.cost < best[0].cost:
             best = start, tree
-        if agreeing(costs, observations.scalars) >= 2:
+        if agreeing(costs) >= 2:
             break
     assert best is not None
-    return FoundStart(*best, tuple(costs), observations.scalars, begin)
+    start, tree = best
+    if few is not data:
+        tree = start.parameters.tree_of(start.values)
+        start = begin(start.label, tree, wishes)
+    return FoundStart(start, tree, tuple(costs), observations.scalars, begin)
+
+
+def few_samples(data: BodyDataset, seed: int) -> BodyDataset:
+    """Return enough samples to tell a body by, drawn at random; all where they are few.
+
+    Args:
+        data: The recording.
+        seed: Of the draw.
+    """
+    table = data.observations
+    first, rank = np.zeros(len(data.sample), dtype=bool), np.arange(len(data.sample))
+    np.random.default_rng((seed, 7)).shuffle(rank)
+
+    def take(samples: NDArray) -> None:
+        first[samples[np.argsort(rank[samples])[:_PLENTY]]] = True
+
+    key = np.where(table.pose == ANY_POSE, -1, table.sensor * len(data.markers) + table.marker)
+    order = np.argsort(key, kind="stable")
+    ends = np.flatnonzero(np.diff(key[order])) + 1
+    for rows in np.split(order, ends):
+        if key[rows[0]] >= 0:
+            take(np.unique(table.pose[rows]))
+    q = np.nan_to_num(data.si_readings)
+    left = np.abs(q - np.median(q, axis=0)) > _MOVED * np.ptp(q, axis=0)
+    for moved in left.T:
+        take(np.flatnonzero(moved))
+    return data if first.mean() > _HALF else data.select(first)
+
+
+def _bodies(
+    data: BodyDataset,
+    blank: BodyTree,
+    around: Surroundings,
+    description: Description | None,
+    seed: int,
+    guessed: Collection[str],
+) -> Iterable[tuple[str, BodyTree]]:
+    """Yield labelled first bodies, with other focal lengths of lenses that are hardly known."""
+    direct = seen_directly(data)
+    if direct is None:
+        return [("boards", around.alone(blank))]
+    seen = TreeObservations.of(direct, ~Touches.of(direct).rows)
+    return chain.from_iterable(
+        first_bodies(
+            direct,
+            replace(blank, lenses=some),
+            seen,
+            description and replace(description, tree=replace(description.tree, lenses=some)),
+            around.cameras,
+            seed,
+        )
+        for some in _lens_tries(blank.lenses, guessed)
+    )
 
 
 def _lens_tries(
@@ -105,12 +158,7 @@ def _lens_tries(
         yield {**lenses, **tried}
 
 
-def agreeing(costs: Sequence[float], scalars: int) -> int:
-    """Return how many starts reached the best minimum.
-
-    Args:
-        costs: Of the starts.
-        scalars: How many numbers were measured.
-    """
+def agreeing(costs: Sequence[float]) -> int:
+    """Return how many starts reached the best minimum, by their costs a scalar."""
     least = min(costs)
-    return sum(bool(cost - least < _AGREE * scalars) for cost in costs)
+    return sum(bool(cost - least < _AGREE) for cost in costs)

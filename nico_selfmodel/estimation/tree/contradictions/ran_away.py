@@ -1,0 +1,41 @@
+"""Adjustments that went where no body is: what nothing holds grows without end."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.errors import NotConvergedError
+from nico_selfmodel.estimation.tree.tree_parameters import BodyParameters
+
+_FARTHEST = 100.0
+"""Times the largest length of the first body, or turns in rad, that no body is from there."""
+_SMALLEST = 0.1
+"""Size of a body of which nothing is known [m]."""
+
+
+def check_that_it_stayed(parameters: BodyParameters, start: NDArray, values: NDArray) -> None:
+    """Refuse a body that left all bounds: it is no answer, however small its residuals are.
+
+    Args:
+        parameters: Of the body.
+        start: Where it began. Shape (P,).
+        values: Where it ended. Shape (P,).
+
+    Raises:
+        NotConvergedError: If a length is a hundred times as large as the largest at first, a
+            rotation vector a hundred radians long, or any of them no number; it names the worst.
+    """
+    layout = parameters.layout
+    units = np.array(layout.units)
+    began, ended = (parameters.layout_values(v) for v in (start, values))
+    most = np.where(units == "m", np.abs(began[units == "m"]).max(initial=_SMALLEST), 1.0)
+    moved = np.isin(units, ("m", "rad")) & (ended != began)
+    far = np.where(moved, np.nan_to_num(np.abs(ended) / most, nan=np.inf), 0.0)
+    worst = int(np.argmax(far))
+    if far[worst] > _FARTHEST:
+        name, unit = layout.names[worst], units[worst]
+        raise NotConvergedError(
+            f"the adjustment ran away: {name} went from {began[worst]:.3g} {unit} to "
+            f"{ended[worst]:.3g}, where no body is; nothing that was recorded holds it: give a "
+            f"value (--fix {name}=VALUE) or what it is about (--prior {name}=VALUE,SIGMA), free "
+            "less, or record what tells it"
+        )
