@@ -10,6 +10,7 @@ from nico_selfmodel.dataset.body.sensors import SensorInfo
 from nico_selfmodel.estimation.judging import judge, result_of
 from nico_selfmodel.estimation.noise.alike_errors import AlikeErrors, Decorrelation, alike_basis
 from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
+from nico_selfmodel.estimation.tree.bending_tree import BendingTree
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
@@ -172,6 +173,28 @@ def test_turns_of_a_sensor_that_are_off_alike_are_told():
     assert set(said) == {"shared_turn", "own_turn"}
     (words,) = (words for words in judge(found).warnings if "off alike in poses alike" in words)
     assert words.startswith("how 'tracker' takes markers to be turned is off")
+
+
+def test_effects_are_weighed_beside_what_turns_of_a_sensor_share():
+    found = calibrate_tree(arm_with_turns_off_alike(2, turn=3e-3)[1], effects=())
+    bend = found.ladder.solution
+    (alike,) = bend.solution.noise.alike
+    body = BendingTree(bend)
+    free, noise = bend.problem.free_names, bend.solution.noise
+    weighed = body.weighed(body.posture, free, noise)
+    shared = weighed.U.shape[1] - len(free)
+    assert shared == 3 * alike.basis.shape[1]
+    # What is left beside shared errors as parameters is what is left of rows that they correlate.
+    step = np.linalg.lstsq(weighed.U, weighed.u, rcond=1e-12)[0]
+    left = float(np.sum((weighed.u - weighed.U @ step) ** 2))
+    assert left == pytest.approx(float(bend.solution.rest @ bend.solution.rest), rel=1e-3)
+    apart = replace(weighed, noise=noise.own).log_determinant
+    E = bend.solution.shared.E
+    more = np.linalg.slogdet(np.eye(E.shape[1]) + E.T @ E)[1]
+    assert weighed.log_determinant - apart == pytest.approx(more, rel=1e-6)
+    again = weighed.likeliest(np.zeros(len(free)), np.full(len(free), np.inf))
+    np.testing.assert_allclose(again.alike[0].sigma, alike.sigma)
+    np.testing.assert_allclose(again.sensor, noise.sensor, rtol=0.05)
 
 
 @pytest.mark.slow

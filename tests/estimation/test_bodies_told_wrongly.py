@@ -8,12 +8,13 @@ import pytest
 from nico_selfmodel.dataset.body.body_dataset import ObservationTable
 from nico_selfmodel.dataset.body.sensors import SensorInfo
 from nico_selfmodel.errors import ContradictedError, DataError
+from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.monitoring.body_health import check_body_health
 from nico_selfmodel.estimation.monitoring.body_relearning import rezero_body
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_result import body_model
-from nico_selfmodel.estimation.tree.tree_setup import Wishes
+from nico_selfmodel.estimation.tree.tree_setup import Description, Wishes
 
 from .simulated_trees import one_arm
 
@@ -76,6 +77,27 @@ def test_a_joint_that_stood_still_is_named(arm):
     readings = arm.readings.copy()
     readings[:, 1] = 0.3
     assert refusal(replace(arm, readings=readings)).startswith("j2 stood still in all 40 samples")
+
+
+def test_a_joint_that_shifts_and_stood_still_is_named():
+    data = one_arm(3, joints=4, shifts=np.arange(4) == 2, poses=30).data
+    readings = data.readings.copy()
+    readings[:, 2] = 0.05
+    assert refusal(replace(data, readings=readings)).startswith("j3 stood still in all 30 samples")
+
+
+@pytest.mark.parametrize(
+    ("seed", "joint", "words"),
+    [(2, 3, "readings of joint 'j4' would be wrong in"), (1, 1, "joint noise would have to be ")],
+)
+def test_an_encoder_that_stands_still_while_its_joint_moves_is_the_cause(seed, joint, words):
+    sim = one_arm(seed, joints=4, markers=2, poses=40, joint_sigma=np.radians(0.1))
+    readings = sim.data.readings.copy()
+    readings[:, joint] = 0.2
+    data, described = replace(sim.data, readings=readings), Description(sim.tree)
+    said = judge(calibrate_tree(data, description=described, effects=())).reasons
+    cause = f"readings of j{joint + 1} never change: if it moved, its encoder stands still"
+    assert any(one.startswith(words) and one.endswith(cause) for one in said), said
 
 
 def test_markers_that_no_joint_moves_are_refused(arm):

@@ -222,7 +222,8 @@ class KinematicTask:
         if still:
             raise DataError(
                 f"{listed(still)} never moved in data set {self.dataset.name!r}: move every "
-                "joint of the chain, or leave it out of the data set"
+                "joint of the chain, or leave it out of the data set; if it did move, its encoder "
+                "stands still"
             )
 
 

@@ -58,7 +58,10 @@ class Weighed(Protocol):
 
     @property
     def U(self) -> NDArray:
-        """Whitened derivatives, each pose counted once; priors of rigid parameters are rows."""
+        """Whitened derivatives, each pose counted once; priors of rigid parameters are rows.
+
+        Columns beyond those of `free` are by errors of N(0, 1) that poses share.
+        """
         ...
 
     @property

@@ -38,7 +38,7 @@ _LEAST = 1e-12
 _ALIKE = 0.05
 """Relative difference of variances below which two answers are one."""
 _Told = tuple[NDArray, dict[str, float]]
-"""Step and variances."""
+"""Step, of `Weighed.U`'s columns, and variances."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +177,7 @@ class Glance:
         """Return what `fit_effects` would where the noise stayed as it is."""
         task = _Task.of(body, parameters, groups, beforehand)
         columns = [self.weighed.free.index(name) for name in task.free]
-        sums = self.sums.part(columns)
+        sums = self.sums.part([*columns, *range(len(self.weighed.free), len(self.sums.g))])
         reduced, starts = sums.reduced(task.member, task.share), task.starts(sums, {})
         fits = [task.judged(self.weighed, sums, reduced, columns, *told) for told in starts]
         return task.whole(min(fits, key=lambda fit: fit.evidence))
@@ -273,7 +273,7 @@ class _Task:
         return EffectFit(
             self.parameters,
             self.free,
-            judged.step,
+            judged.step[: len(self.free)],
             self.groups,
             self.beforehand.means,
             judged.variance,
@@ -329,7 +329,7 @@ class _Task:
         root = np.sqrt(v)
         inside = reduced.S[np.ix_(places, places)] * np.outer(root, root)
         cost = float(np.linalg.slogdet(np.eye(len(own)) + inside)[1])
-        total = (self.start + step)[own]
+        total = self.start[own] + step[own]
         return cost + float(np.sum(total**2 / v))
 
     def without_folds(self, judged: "_Judged") -> NDArray:
@@ -339,7 +339,8 @@ class _Task:
         errors, step = np.zeros(len(fold)), np.zeros(len(weighed.free))
         for k, (_, left) in enumerate(splits(fold)):
             reduced = judged.sums.without(k).reduced(self.member, self.share)
-            step[columns] = reduced.whole(reduced.solve(self.start, judged.variance)[1])
+            whole = reduced.whole(reduced.solve(self.start, judged.variance)[1])
+            step[columns] = whole[: len(columns)]
             errors[left] = weighed.errors(step, left)
         return errors
 

@@ -88,8 +88,11 @@ class BendingTree:
 
     @property
     def noise(self) -> TreeNoise:
-        """About the rigid body."""
-        return self.solution.solution.noise
+        """About the rigid body; where some poses are asked, each has its own."""
+        noise = self.solution.solution.noise
+        return (
+            noise if self.seen is self.solution.problem.observations else replace(noise, alike=())
+        )
 
     @property
     def joints(self) -> tuple[str, ...]:

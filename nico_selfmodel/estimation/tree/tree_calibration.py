@@ -20,7 +20,10 @@ from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boa
 from nico_selfmodel.estimation.tree.compared_errors import usual_errors
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, held_scores
 from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed
-from nico_selfmodel.estimation.tree.contradictions.standing_still import check_that_it_moved
+from nico_selfmodel.estimation.tree.contradictions.standing_still import (
+    check_that_it_moved,
+    dead_encoders,
+)
 from nico_selfmodel.estimation.tree.contradictions.told_values import agreeing_start
 from nico_selfmodel.estimation.tree.contradictions.wrong_units import start_in_stated_units
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
@@ -281,7 +284,8 @@ def _finished(
         residuals, setup.free, setup.priors, noise, noise_known=known, alike=setup.alike
     )
     rigid = problem.refine(start.values)
-    check_that_it_stayed(parameters, start.values, rigid.values)
+    cause = dead_encoders(data, data.joint_names)
+    check_that_it_stayed(parameters, start.values, rigid.values, cause)
     ladder = bends(problem, rigid)
     problem, solution = ladder.solution.problem, ladder.solution.solution
     residuals = problem.residuals

@@ -18,6 +18,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
 from nico_selfmodel.estimation.tree.compared_errors import alone_off
 from nico_selfmodel.estimation.tree.contradictions.contradiction_words import contradiction_findings
 from nico_selfmodel.estimation.tree.contradictions.exchanged_markers import exchanged_markers
+from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.estimation.tree.tree_observations import TURN_NOISE
@@ -94,10 +95,11 @@ def _noise_reasons(calibration: TreeCalibration) -> list[str]:
     if not turning:
         return []
     worst = np.degrees(max(turning.values()))
+    cause = "check units, the pairing of readings and observations, and whether something moved"
+    cause = dead_encoders(data, turning) or cause
     return [
         f"joint noise would have to be {worst:.1f} deg to explain the data "
-        f"({listed(sorted(turning))}): check units, the pairing of readings and observations, and "
-        "whether something moved"
+        f"({listed(sorted(turning))}): {cause}"
     ]
 
 

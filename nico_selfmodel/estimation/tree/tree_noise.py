@@ -265,7 +265,7 @@ def _shared(
             found = _variances(data, wider, groups, slipped, noise, also)
             noise = TreeNoise(found.sensor, found.joint, loud=known.loud)
             if found.likelihood > most:
-                best, most = _with_shared(start, noise, alike), found.likelihood
+                best, most = noise.sharing((*start.alike, alike)), found.likelihood
             told = _asked_for(data, wider, groups, slipped, noise, also)
             alike = replace(alike, sigma=_as_told(alike, told, data.noisy_joints))
     return best
@@ -297,23 +297,6 @@ def _first_own(noise: TreeNoise, alike: AlikeErrors) -> TreeNoise:
     else:
         sensor[alike.turns] *= _FIRST_ALONE
     return TreeNoise(sensor, joint, loud=noise.loud)
-
-
-def _with_shared(before: TreeNoise, own: TreeNoise, alike: AlikeErrors) -> TreeNoise:
-    """Return all noise, what poses share in `sensor` and `joint` too."""
-    alone = own.joint if alike.turns is None else np.full(3, own.sensor[alike.turns])
-    shared = []
-    for one in before.alike:
-        now = own.joint if one.turns is None else np.full(3, own.sensor[one.turns])
-        shared.append(replace(one, alone=now))
-    shared.append(replace(alike, alone=alone))
-    sensor, joint = own.sensor.copy(), own.joint.copy()
-    for one in shared:
-        if one.turns is None:
-            joint = np.hypot(joint, one.sigma)
-        else:
-            sensor[one.turns] = np.hypot(sensor[one.turns], np.sqrt(np.mean(one.sigma**2)))
-    return TreeNoise(sensor, joint, tuple(shared), before.loud)
 
 
 def _asked_for(

@@ -1,6 +1,7 @@
 """Where the adjustment of a body ended, and what disturbs the recording."""
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,18 @@ class TreeNoise:
             else:
                 sensor[one.turns] = one.alone[0]
         return TreeNoise(sensor, joint, loud=self.loud)
+
+    def sharing(self, alike: Sequence[AlikeErrors]) -> "TreeNoise":
+        """Return all noise, what poses share in `sensor` and `joint` too; this is what is own."""
+        sensor, joint, shared = self.sensor.copy(), self.joint.copy(), []
+        for one in alike:
+            alone = self.joint if one.turns is None else np.full(3, self.sensor[one.turns])
+            shared.append(replace(one, alone=alone))
+            if one.turns is None:
+                joint = np.hypot(joint, one.sigma)
+            else:
+                sensor[one.turns] = np.hypot(sensor[one.turns], np.sqrt(np.mean(one.sigma**2)))
+        return TreeNoise(sensor, joint, tuple(shared), self.loud)
 
     def is_like(self, other: "TreeNoise") -> bool:
         """Whether no standard deviation changed, nor which are shared."""

@@ -10,7 +10,7 @@ from nico_selfmodel.dataset.body.sensors import SIGHTS
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.pose_noise import PoseWhitening
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
-from nico_selfmodel.estimation.tree.tree_noise import likeliest_noise, tree_whitening
+from nico_selfmodel.estimation.tree.tree_noise import beside_shared, likeliest_noise, tree_whitening
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import BodyParameters
 from nico_selfmodel.estimation.tree.tree_priors import prior_rows
@@ -71,6 +71,11 @@ def lengths(seen: TreeObservations, r: NDArray) -> NDArray:
     return out
 
 
+def _log_of(E: NDArray) -> float:
+    """Return log|E'E|, of which prior rows make it log|1 + E'E| of the others."""
+    return float(np.linalg.slogdet(E.T @ E)[1]) if E.shape[1] else 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class WeighedTree:
     """Observations about a body: see `bendable.Weighed`."""
@@ -103,11 +108,11 @@ class WeighedTree:
 
     @cached_property
     def _scale(self) -> NDArray:
-        return np.asarray(self.noise.sensor[self.seen.noise_group])
+        return np.asarray(self.noise.own.sensor[self.seen.noise_group])
 
     @cached_property
     def _whitening(self) -> PoseWhitening:
-        return tree_whitening(self.seen, self.linear, self._groups, self.noise)
+        return tree_whitening(self.seen, self.linear, self._groups, self.noise.own)
 
     @cached_property
     def _columns(self) -> NDArray:
@@ -116,16 +121,25 @@ class WeighedTree:
 
     @cached_property
     def _white(self) -> tuple[NDArray, NDArray]:
-        J = (self.linear.J[self._columns] / self._scale)[:, None]
+        own = replace(self.linear, J=self.linear.J[self._columns])
+        J = beside_shared(self.seen, own, np.zeros(0), self.noise.alike)[0].J
+        J = (J / self._scale)[:, None]
         r, slopes = self._whitening.whiten((-self.linear.r / self._scale)[None], J)
         keep = self._groups.rows
         now = dict(zip(self.posture.names, self.posture.values.tolist(), strict=True))
         rows, rest = prior_rows(self.priors, self.free, now)
-        return np.vstack([slopes[:, 0, keep].T, rows]), np.append(r[0, keep], -rest)
+        shared = len(J) - len(self.free)
+        rows = np.pad(rows, ((0, 0), (0, shared)))
+        beside = np.eye(shared, len(J), len(self.free))
+        rest = np.concatenate([r[0, keep], -rest, np.zeros(shared)])
+        return np.vstack([slopes[:, 0, keep].T, rows, beside]), rest
 
     @property
     def U(self) -> NDArray:
-        """Whitened derivatives, each pose counted once; priors of rigid parameters are rows."""
+        """Whitened derivatives, each pose counted once; priors of rigid parameters are rows.
+
+        Columns beyond those of `free` are by errors of N(0, 1) that poses share.
+        """
         return self._white[0]
 
     @property
@@ -162,15 +176,21 @@ class WeighedTree:
         scales = 2.0 * float(np.log(self._scale[self._groups.rows]).sum())
         if self.linear.taken is not None:
             scales -= 2.0 * float(self.linear.taken @ np.log(self.noise.sensor))
-        return self._share * (self._whitening.log_determinant + scales)
+        E = self.U[:, len(self.free) :]
+        return self._share * (self._whitening.log_determinant + scales) + _log_of(E)
 
     def likeliest(self, pull: NDArray, variance: NDArray) -> TreeNoise:
-        """Return the noise that residuals ask for, of effects that are known as well as that."""
+        """Return the noise that residuals ask for, of effects that are known as well as that.
+
+        What poses share stays as it is: an effect that made up for it would be told by all of them.
+        """
         own, there = self.linear.J[self._columns], variance > 0.0
         linear = replace(self.linear, r=self.linear.r + pull @ own, J=own[there])
-        known = 1.0 / variance[there]
+        shared = self.noise.alike
+        linear, known = beside_shared(self.seen, linear, 1.0 / variance[there], shared)
         loose = self.seen.unread_in(self._groups.poses)
-        return likeliest_noise(self.seen, linear, self._groups, loose, self.noise, known)
+        own_noise = likeliest_noise(self.seen, linear, self._groups, loose, self.noise.own, known)
+        return own_noise.sharing(shared)
 
     def errors(self, step: NDArray, rows: NDArray) -> NDArray:
         """Return errors of some rows that count, after a step [m or px, of the first sensor]."""

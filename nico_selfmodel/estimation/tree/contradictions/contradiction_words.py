@@ -8,6 +8,7 @@ from nico_selfmodel.estimation.tree.contradictions.held_scores import (
     HeldScore,
     severity_of,
 )
+from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
 from nico_selfmodel.estimation.tree.contradictions.wrong_readings import read_wrongly, seen_wrongly
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
@@ -36,10 +37,9 @@ def contradiction_findings(calibration: TreeCalibration) -> list[Finding]:
     for joint, (wrong, of) in read_wrongly(
         residuals.linear(calibration.values), seen, solution
     ).items():
-        text = (
-            f"readings of joint {joint!r} would be wrong in {wrong} of {of} poses: check its unit "
-            "and sign, whether another joint drives it (`follows`), and whether it slips"
-        )
+        cause = "check its unit and sign, whether another joint drives it (`follows`), and whether "
+        cause = dead_encoders(calibration.data, [joint]) or f"{cause}it slips"
+        text = f"readings of joint {joint!r} would be wrong in {wrong} of {of} poses: {cause}"
         found.append(Finding(FAILURE, text))
     for link, (wrong, of) in seen_wrongly(seen, solution).items():
         text = (
@@ -57,9 +57,11 @@ def _sliding(calibration: TreeCalibration) -> list[Finding]:
     for (i, _), sigma in zip(noisy, calibration.solution.noise.joint.tolist(), strict=True):
         travel = float(np.ptp(data.si_readings[:, i]))
         if data.joints[i].motion == PRISMATIC and sigma > _LARGEST_SHARE * max(travel, 1e-9):
+            name = data.joints[i].name
+            cause = dead_encoders(data, [name]) or "check its unit"
             text = (
-                f"noise of joint {data.joints[i].name!r} would have to be {1e3 * sigma:.3g} mm, of "
-                f"{1e3 * travel:.3g} mm that it moved: check its unit"
+                f"noise of joint {name!r} would have to be {1e3 * sigma:.3g} mm, of "
+                f"{1e3 * travel:.3g} mm that it moved: {cause}"
             )
             found.append(Finding(CAUSE, text))
     return found

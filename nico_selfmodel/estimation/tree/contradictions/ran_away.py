@@ -12,13 +12,16 @@ _SMALLEST = 0.1
 """Size of a body of which nothing is known [m]."""
 
 
-def check_that_it_stayed(parameters: BodyParameters, start: NDArray, values: NDArray) -> None:
+def check_that_it_stayed(
+    parameters: BodyParameters, start: NDArray, values: NDArray, cause: str = ""
+) -> None:
     """Refuse a body that left all bounds: it is no answer, however small its residuals are.
 
     Args:
         parameters: Of the body.
         start: Where it began. Shape (P,).
         values: Where it ended. Shape (P,).
+        cause: What may have led it away, if anything is known.
 
     Raises:
         NotConvergedError: If a length is a hundred times as large as the largest at first, a
@@ -33,9 +36,12 @@ def check_that_it_stayed(parameters: BodyParameters, start: NDArray, values: NDA
     worst = int(np.argmax(far))
     if far[worst] > _FARTHEST:
         name, unit = layout.names[worst], units[worst]
+        cause = cause or (
+            "nothing that was recorded holds it: give a value "
+            f"(--fix {name}=VALUE) or what it is about (--prior {name}=VALUE,SIGMA), free less, or "
+            "record what tells it"
+        )
         raise NotConvergedError(
             f"the adjustment ran away: {name} went from {began[worst]:.3g} {unit} to "
-            f"{ended[worst]:.3g}, where no body is; nothing that was recorded holds it: give a "
-            f"value (--fix {name}=VALUE) or what it is about (--prior {name}=VALUE,SIGMA), free "
-            "less, or record what tells it"
+            f"{ended[worst]:.3g}, where no body is; {cause}"
         )

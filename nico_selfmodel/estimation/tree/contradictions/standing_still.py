@@ -1,16 +1,20 @@
 """Recordings in which nothing moved that should tell where joints are."""
 
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
 from nico_selfmodel.dataset.body.sensors import SIGHTS
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.model.tree.body_tree import REVOLUTE
+from nico_selfmodel.model.tree.body_tree import PRISMATIC, REVOLUTE
 from nico_selfmodel.names import listed
 
 _STILL = 1e-3
 """Travel of a joint that tells no axis [rad]."""
+_STILL_SLIDE = 1e-5
+"""The same of a joint that shifts [m]."""
 _FEWEST = 3
 """Poses in which a value that is the same to the last digit is no accident."""
 
@@ -32,24 +36,45 @@ def check_that_it_moved(data: BodyDataset, moving: NDArray, *, described: bool) 
             f"no joint of data set {data.name!r} moves what was seen: say by 'on' which link "
             "carries each marker and sensor, and see that what a joint moves was seen"
         )
-    travel = np.ptp(data.si_readings, axis=0)
-    still = [
-        joint.name
-        for joint, far, moves in zip(data.joints, travel.tolist(), moving.tolist(), strict=True)
-        if joint.motion == REVOLUTE and not joint.follows and moves and far < _STILL
-    ]
+    moved = zip(data.joints, moving.tolist(), strict=True)
+    still = sorted(still_readings(data) & {joint.name for joint, moves in moved if moves})
     if still and not described:
         raise DataError(
             f"{listed(still)} stood still in all {len(data.sample)} samples of data set "
-            f"{data.name!r}: nothing tells where such axes are; record poses that turn them, leave "
-            "them out of the joints, or give the robot's description"
+            f"{data.name!r}: nothing tells where such axes are; record poses that move them, leave "
+            "them out of the joints, or give the robot's description; if they did move, their "
+            "encoders stand still"
         )
-    if frozen := _frozen(data, travel):
+    if frozen := _frozen(data, np.ptp(data.si_readings, axis=0)):
         raise DataError(
             f"what {frozen[0]!r} measured of {frozen[1]!r} is the same to the last digit in all "
             f"{frozen[2]} poses, though joints moved: the sensor hangs, or the marker is 'on' "
             "another link"
         )
+
+
+def still_readings(data: BodyDataset) -> set[str]:
+    """Return joints that turn or shift whose readings never changed."""
+    travel = np.ptp(data.si_readings, axis=0)
+    least = {REVOLUTE: _STILL, PRISMATIC: _STILL_SLIDE}
+    return {
+        joint.name
+        for joint, far in zip(data.joints, travel.tolist(), strict=True)
+        if not joint.follows and far < least.get(joint.motion, 0.0)
+    }
+
+
+def dead_encoders(data: BodyDataset, joints: Collection[str]) -> str:
+    """Say which joints stand still in their readings, where a body does not fit; or nothing.
+
+    Args:
+        data: The recording.
+        joints: Names.
+    """
+    still = sorted(still_readings(data) & set(joints))
+    if not still:
+        return ""
+    return f"readings of {listed(still)} never change: if it moved, its encoder stands still"
 
 
 def _frozen(data: BodyDataset, travel: NDArray) -> tuple[str, str, int] | None:
