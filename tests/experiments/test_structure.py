@@ -62,10 +62,42 @@ def test_a_shape_must_be_right_and_say_how_right_it_is(robots, chest, status, re
     assert reason in "; ".join(found["reasons"])
 
 
+def patchy(robot, rng, ratio=1.0):
+    """Return a link whose errors are alike in patches of 50 mm, and as large as it says."""
+    ball = BALL.moved(2.5 * BALL.vertices)
+    cells = np.floor(ball.vertices / 0.05).astype(int)
+    patch = np.unique(cells, axis=0, return_inverse=True)[1].ravel()
+    off = 1e-3 * ratio * rng.standard_normal(patch.max() + 1)[patch]
+    sigma = np.full(len(off), 1e-3)
+    return LinkStructure(robot, "head", ball, off, ball.vertices, sigma, 0.01, 0.0, 0.9)
+
+
+def figures(links):
+    row = structure_document(StructureStage(tuple(links), 5))["links"][0]
+    return [row[f"rms_sigma{which}"] for which in ("", "_least", "_most")]
+
+
+def test_error_over_sigma_is_known_within_what_its_patches_scatter_by():
+    rng = np.random.default_rng(8)
+    _, least, most = np.array([figures([patchy(0, rng)]) for _ in range(200)]).T
+    assert 0.96 < np.mean((least < 1.0) & (most > 1.0)) <= 1.0
+    assert 0.2 < np.mean(most - least) < 0.5
+    _, of_five, up_to = figures([patchy(k, rng) for k in range(5)])
+    assert up_to - of_five < 0.6 * np.mean(most - least)
+
+
+@pytest.mark.parametrize(("ratio", "failing"), [(0.5, 20), (0.8, 0), (1.0, 0), (1.3, 0), (2.0, 20)])
+def test_one_robot_fails_where_its_sigma_cannot_be_within_the_bounds(ratio, failing):
+    rng = np.random.default_rng(9)
+    found = [structure_document(StructureStage((patchy(0, rng, ratio),), 5)) for _ in range(20)]
+    said = [any("times its sigma" in reason for reason in one["reasons"]) for one in found]
+    assert abs(sum(said) - failing) <= 1
+
+
 def test_the_table_has_a_row_for_each_link_of_each_robot_and_one_for_all():
     table = structure_table(stage(2))
     assert [row[0] for row in table.rows] == ["0", "0", "1", "1", "all", "all"]
-    assert (table.rows[0][2], table.rows[0][4]) == ("1.0, 1.0", "1.00")
+    assert (table.rows[0][2], table.rows[0][4]) == ("1.0, 1.0", "1.00 (1.00 to 1.00)")
 
 
 def test_the_chart_shows_errors_sigmas_and_a_cut():
