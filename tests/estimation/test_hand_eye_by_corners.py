@@ -103,11 +103,22 @@ def test_corners_nobody_knows_the_places_of_do_not_tell_a_hand_eye_calibration()
         calibrate_tree(data)
 
 
-def test_a_camera_that_moves_is_not_told_that_known_places_tell_its_lens():
+def test_the_lens_of_a_camera_that_moves_is_learned_before_corners_of_known_place():
+    X_FC, data = recorded(np.random.default_rng(1), poses=30)
+    first = np.arange(30) < 20
+    data = replace(data, sensors=(replace(data.sensors[0], lens=None),))
+    found = calibrate_tree(data.select(first), test=data.select(~first), effects=())
+    assert judge(found).status == "PASS"
+    assert found.tree.lenses["camera"].fx == pytest.approx(LENS.fx, rel=5e-3)
+    assert np.linalg.norm(error_of(found, X_FC)[0]) < 2e-3
+
+
+def test_few_corners_in_a_sample_do_not_tell_the_lens_of_a_camera_that_moves():
     _, data = recorded(np.random.default_rng(5))
+    few = data.of_rows(data.observations.marker % 8 == 0)
     sensors = (replace(data.sensors[0], lens=None),)
-    with pytest.raises(DataError, match="a robot description tells that of a camera that moves"):
-        calibrate_tree(replace(data, sensors=sensors))
+    with pytest.raises(DataError, match="six markers or more at known places in a sample"):
+        calibrate_tree(replace(few, sensors=sensors))
 
 
 def test_turns_about_one_axis_before_corners_leave_a_direction_open():

@@ -143,7 +143,7 @@ def placed_by_known(
         if len(own) < FEWEST:
             continue
         p = places[rows.marker[own]]
-        X, agree = _pose_before(p, rays[own], rng)
+        X, agree = pose_before(p, rays[own], rng)
         if agree.sum() >= FEWEST:
             found[sample] = X
     if len(found) < FEWEST:
@@ -154,8 +154,14 @@ def placed_by_known(
     return PlacedCamera(rows, found)
 
 
-def _pose_before(p: NDArray, rays: NDArray, rng: np.random.Generator) -> tuple[NDArray, NDArray]:
-    """Return X_WC of a camera before known points, which may be a flat board's, and who agrees."""
+def pose_before(p: NDArray, rays: NDArray, rng: np.random.Generator) -> tuple[NDArray, NDArray]:
+    """Return X_WC of a camera before known points, which may be a flat board's, and who agrees.
+
+    Args:
+        p: Points. Shape (N, 3), N >= 6.
+        rays: Unit directions in which the camera sees them. Shape (N, 3).
+        rng: Of the draws.
+    """
     flat = board_poses_seen(p, rays) if is_flat(p) else None
     if flat is None:
         return robust_camera_pose(p, rays, _WITHIN, rng, _DRAWS)
