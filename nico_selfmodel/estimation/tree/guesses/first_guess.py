@@ -26,6 +26,7 @@ from nico_selfmodel.estimation.tree.guesses.cameras_around import cameras_all_ar
 from nico_selfmodel.estimation.tree.guesses.carried_cameras import (
     body_from_carried_cameras,
     known_places,
+    points_on_known_links,
     reconstructed_by,
 )
 from nico_selfmodel.estimation.tree.guesses.flange_guess import from_flange
@@ -90,7 +91,7 @@ def _from_nothing(
     standing_at: Mapping[str, NDArray],
     seed: int,
 ) -> BodyTree:
-    """Return a body from points in space, measured or reconstructed by two cameras."""
+    """Return a body from points in space, measured, seen by two cameras, or known on a link."""
     if known_places(data).any():
         return body_from_carried_cameras(data, blank, observations, seed)
     standing = [rows for rows in observations.sensors if data.sensors[rows.sensor].on == "world"]
@@ -112,6 +113,9 @@ def _from_nothing(
             "touches and distances alone cannot tell a body from nothing: give the robot's "
             "description, or record with two cameras or a tracker, too"
         )
+    elif len(cameras) == 1 and any(m.xyz is not None for m in data.markers):
+        ((name, rows),) = cameras.items()
+        places, points = {name: np.eye(4)}, points_on_known_links(data, blank, rows, seed)
     else:
         _refuse_cameras(data, cameras)
     tree = _by_cameras(data, blank, cameras, places, points, seed)
@@ -129,7 +133,8 @@ def _refuse_cameras(data: BodyDataset, standing: Mapping[str, SensorRows]) -> No
         )
     raise DataError(
         "one camera alone cannot tell a body from nothing: give the robot's description, "
-        "whose lengths tell it, or record with two cameras or a tracker"
+        "whose lengths tell it, say where six markers or more are on their link (xyz), or record "
+        "with two cameras or a tracker"
     )
 
 
