@@ -13,10 +13,11 @@ from nico_selfmodel.estimation.tree.guesses.told_frames import exchanged_parts, 
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_setup import Wishes
+from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_tree import PRISMATIC
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
-from .simulated_trees import one_arm
+from .simulated_trees import observed, one_arm
 
 
 def learned(data, pins=None, freed=(), priors=None):
@@ -143,3 +144,21 @@ def test_what_nothing_tells_stays_where_it_is_beside_effects():
     U[:, 1] = 0.0
     reduced = Reduced.of(U.T @ U, U.T @ np.ones(30), {"sag": np.array([3])}, np.ones(4))
     assert abs(reduced.alone[1]) + abs(reduced.gain[1, 0]) < 1e-12
+
+
+def test_one_camera_tells_a_body_and_its_lens_by_a_board_in_its_hand():
+    sim = one_arm(2, joints=3, markers=12, poses=40, sensor="camera", joint_sigma=np.radians(0.1))
+    grid = 0.03 * np.array([[k % 4, k // 4, 0.0] for k in range(12)]) + [0.05, 0.02, 0.1]
+    both = zip(sim.tree.markers, grid, strict=True)
+    board = tuple(replace(m, X_LA=transform(np.eye(3), p)) for m, p in both)
+    sim = replace(sim, tree=sim.tree.with_markers(board))
+    sensors, rng = sim.data.sensors[:1], np.random.default_rng(0)
+    held = sim.tree, sim.data.joints, with_known_markers(sim).markers, sensors, sim.readings_true
+    noise = {"joint_sigma": np.radians(0.1), "sigma": {"camera": 0.3}}
+    seen = observed(*held, rng, **noise)
+    seen = replace(seen, sensors=(replace(sensors[0], lens=None),))
+    first = np.arange(40) < 28
+    found = calibrate_tree(seen.select(first), test=seen.select(~first), effects=())
+    assert found.test.by_row().mean() < 1.0
+    assert found.setup.scale_from == "told places on 'j3'"
+    assert found.tree.lenses["left"].fx == pytest.approx(sim.tree.lenses["left"].fx, rel=0.02)

@@ -96,6 +96,8 @@ def _noise_reasons(calibration: TreeCalibration) -> list[str]:
         return []
     worst = np.degrees(max(turning.values()))
     cause = "check units, the pairing of readings and observations, and whether something moved"
+    if any(marker.xyz and f"{marker.name}.x" in calibration.setup.told for marker in data.markers):
+        cause += "; 'xyz' of markers on a link are in its joint's frame, z the joint's axis"
     cause = dead_encoders(data, turning) or cause
     return [
         f"joint noise would have to be {worst:.1f} deg to explain the data "

@@ -22,7 +22,7 @@ from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints, body_
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.geometry.resection import FEWEST, agreeing, cosines, robust_camera_pose
 from nico_selfmodel.geometry.rotation import nearest_rotation
-from nico_selfmodel.geometry.transform import inverse, transform
+from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.tree.body_tree import Attached, BodyTree
 from nico_selfmodel.names import listed
 
@@ -63,8 +63,9 @@ def body_from_carried_cameras(
     """
     _check_seen(data, blank)
     rng = np.random.default_rng((seed, 5))
+    known = known_places(data)
     placed = [
-        placed_by_known(data, blank, rows, rng)
+        placed_by_known(data, blank, rows, rng, known)
         for rows in observations.sensors
         if rows.kind == CAMERA
     ]
@@ -114,24 +115,33 @@ def _sensor(tree: BodyTree, data: BodyDataset, rows: SensorRows) -> int:
 
 def known_places(data: BodyDataset) -> NDArray:
     """Return which markers stand at known places in the room. Boolean, shape (m,)."""
-    return np.array([m.xyz is not None and m.on == WORLD_NAME for m in data.markers], dtype=bool)
+    return known_on(data, WORLD_NAME)
+
+
+def known_on(data: BodyDataset, link: str) -> NDArray:
+    """Return which markers are at known places on a link. Boolean, shape (m,)."""
+    return np.array([m.xyz is not None and m.on == link for m in data.markers], dtype=bool)
 
 
 def placed_by_known(
-    data: BodyDataset, blank: BodyTree, rows: SensorRows, rng: np.random.Generator
+    data: BodyDataset,
+    blank: BodyTree,
+    rows: SensorRows,
+    rng: np.random.Generator,
+    known: NDArray,
 ) -> PlacedCamera:
-    """Place a camera at every sample at which it saw enough markers of known place in the room.
+    """Place a camera at every sample at which it saw enough markers of known place on one link.
 
     Args:
         data: The recording.
         blank: The body with its lenses and the places of known markers.
         rows: What the camera saw.
         rng: Of the draws.
+        known: Which markers these are, of the room or of a link that takes its part. Shape (m,).
 
     Raises:
         DataError: If there are fewer than six such samples.
     """
-    known = known_places(data)
     places = np.array([m.X_LA[:3, 3] for m in blank.markers])
     name = rows.name
     rays = blank.lenses[name].directions(rows.measured)
@@ -152,6 +162,32 @@ def placed_by_known(
             f"{FEWEST} samples are needed at least: let it look at them from more poses"
         )
     return PlacedCamera(rows, found)
+
+
+def points_on_known_links(
+    data: BodyDataset, blank: BodyTree, rows: SensorRows, seed: int
+) -> SeenPoints:
+    """Return markers in the frame of a standing camera that saw links with places known on them.
+
+    Args:
+        data: The recording.
+        blank: The body with its lenses and the places of known markers.
+        rows: What the camera saw.
+        seed: Of the draws.
+
+    Raises:
+        DataError: If it saw a link with six such markers in fewer than six samples.
+    """
+    rng, points = np.random.default_rng((seed, 5)), []
+    for link in data.joint_names:
+        known = known_on(data, link)
+        if known.sum() < FEWEST:
+            continue
+        own = np.flatnonzero(known)
+        p_L = np.array([blank.markers[m].X_LA[:3, 3] for m in own.tolist()])
+        for sample, X_LC in placed_by_known(data, blank, rows, rng, known).X_WC.items():
+            points.append(SeenPoints(np.full(len(own), sample), own, apply(inverse(X_LC), p_L)))
+    return _all_of(points)
 
 
 def pose_before(p: NDArray, rays: NDArray, rng: np.random.Generator) -> tuple[NDArray, NDArray]:

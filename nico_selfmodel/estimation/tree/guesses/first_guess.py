@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
+from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
 from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES, SIGHTS
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.tree.guesses.by_first_body import (
@@ -26,6 +27,7 @@ from nico_selfmodel.estimation.tree.guesses.cameras_around import cameras_all_ar
 from nico_selfmodel.estimation.tree.guesses.carried_cameras import (
     body_from_carried_cameras,
     known_places,
+    points_on_known_links,
     reconstructed_by,
 )
 from nico_selfmodel.estimation.tree.guesses.flange_guess import from_flange
@@ -90,7 +92,7 @@ def _from_nothing(
     standing_at: Mapping[str, NDArray],
     seed: int,
 ) -> BodyTree:
-    """Return a body from points in space, measured or reconstructed by two cameras."""
+    """Return a body from points in space, measured, seen by two cameras, or known on a link."""
     if known_places(data).any():
         return body_from_carried_cameras(data, blank, observations, seed)
     standing = [rows for rows in observations.sensors if data.sensors[rows.sensor].on == "world"]
@@ -98,6 +100,7 @@ def _from_nothing(
     cameras = {r.name: r for r in standing if r.kind == CAMERA}
     if trackers:
         tree = _by_trackers(data, blank, trackers, cameras, seed)
+        tree = _with_carried(data, tree, observations, seed)
         return with_orientations(data, tree, observations)
     if len(cameras) >= 2 and set(cameras) <= set(standing_at):
         places = dict(standing_at)
@@ -112,9 +115,13 @@ def _from_nothing(
             "touches and distances alone cannot tell a body from nothing: give the robot's "
             "description, or record with two cameras or a tracker, too"
         )
+    elif len(cameras) == 1 and any(m.xyz is not None for m in data.markers):
+        ((name, rows),) = cameras.items()
+        places, points = {name: np.eye(4)}, points_on_known_links(data, blank, rows, seed)
     else:
         _refuse_cameras(data, cameras)
     tree = _by_cameras(data, blank, cameras, places, points, seed)
+    tree = _with_carried(data, tree, observations, seed)
     return with_orientations(data, tree, observations)
 
 
@@ -129,7 +136,8 @@ def _refuse_cameras(data: BodyDataset, standing: Mapping[str, SensorRows]) -> No
         )
     raise DataError(
         "one camera alone cannot tell a body from nothing: give the robot's description, "
-        "whose lengths tell it, or record with two cameras or a tracker"
+        "whose lengths tell it, say where six markers or more are on their link (xyz), or record "
+        "with two cameras or a tracker"
     )
 
 
@@ -247,22 +255,70 @@ def _described(
         info = data.sensors[rows.sensor]
         if info.kind not in SIGHTS:
             continue
-        expected = motion.points(rows.marker, rows.pose)
-        sensor = next(s for s in tree.sensors if s.name == info.name)
-        X_WL = inverse(_pose(motion, sensor.on, rows.pose))
-        p_LM = (X_WL[:, :3, :3] @ expected[:, :, None])[:, :, 0] + X_WL[:, :3, 3]
         if info.X_LS is not None:
             places[info.name] = info.X_LS
         elif rows.kind == CAMERA:
-            numbered = np.arange(len(rows.rows))
-            points = SeenPoints(numbered, np.zeros_like(numbered), p_LM)
-            alone: SensorRows = replace(rows, pose=numbered, marker=np.zeros_like(numbered))
-            lens = tree.lenses[info.name]
-            places[info.name] = resected(alone, lens, points, info.name, rng, _FAR)
+            places[info.name] = _on_its_link(motion, rows, data.on_link(info.on), rng, _FAR)
         else:
+            p_LM = _from_link(motion, rows, data.on_link(info.on))
             found = Alignment.from_points(rows.measured[:, :3], p_LM)
             places[info.name] = transform(found.rotation, found.translation)
     return with_orientations(data, with_sensors(tree, places), observations)
+
+
+def _with_carried(
+    data: BodyDataset, tree: BodyTree, observations: TreeObservations, seed: int
+) -> BodyTree:
+    """Return a body with cameras on its links, by markers that what stands has placed, and others.
+
+    Raises:
+        DataError: If a camera saw six of these nowhere.
+    """
+    table, rng = data.observations, np.random.default_rng((seed, 8))
+    standing = np.array([sensor.on == WORLD_NAME for sensor in data.sensors])[table.sensor]
+    located = np.unique(np.append(table.marker[standing], np.flatnonzero(known_places(data))))
+    motion, places, cameras = TreeMotion.at(tree, data.si_readings, data.X_flange), {}, {}
+    for rows in observations.sensors:
+        info = data.sensors[rows.sensor]
+        if rows.kind != CAMERA or info.on == WORLD_NAME or rows.mirror:
+            continue
+        own = np.isin(rows.marker, located)
+        if info.X_LS is None and own.sum() < FEWEST:
+            raise DataError(
+                f"camera {info.name!r} on {info.on!r} saw {own.sum()} markers that something else "
+                f"places, {FEWEST} are needed to tell where it is: say where markers in the room "
+                "are (xyz), let what stands see some of them too, or tell its tags' whole poses "
+                "(kind 'poses')"
+            )
+        mine = replace(rows, pose=rows.pose[own], marker=rows.marker[own],
+                       rows=rows.rows[own], measured=rows.measured[own])  # fmt: skip
+        on = data.on_link(info.on)
+        places[info.name] = info.X_LS
+        if info.X_LS is None:
+            places[info.name] = _on_its_link(motion, mine, on, rng)
+        cameras[info.name] = rows
+    tree = with_sensors(tree, places)
+    return with_others(data, tree, cameras, list(places), located, seed) if cameras else tree
+
+
+def _on_its_link(
+    motion: TreeMotion,
+    rows: SensorRows,
+    link: int,
+    rng: np.random.Generator,
+    within: float = 0.05,
+) -> NDArray:
+    """Return where a camera is on its link that saw markers whose places are known. (4, 4)."""
+    numbered = np.arange(len(rows.rows))
+    points = SeenPoints(numbered, np.zeros_like(numbered), _from_link(motion, rows, link))
+    alone: SensorRows = replace(rows, pose=numbered, marker=np.zeros_like(numbered))
+    return resected(alone, motion.tree.lenses[rows.name], points, rows.name, rng, within)
+
+
+def _from_link(motion: TreeMotion, rows: SensorRows, link: int) -> NDArray:
+    """Return where the markers of some rows are against a link. Shape (N, 3)."""
+    X_LW, p = inverse(_pose(motion, link, rows.pose)), motion.points(rows.marker, rows.pose)
+    return np.asarray((X_LW[:, :3, :3] @ p[:, :, None])[:, :, 0] + X_LW[:, :3, 3])
 
 
 def _pose(motion: TreeMotion, link: int, pose: NDArray) -> NDArray:

@@ -85,15 +85,16 @@ def _by_corners(
     With F the flange in its base B, X_BW (X_WC) = F X: the room takes the target's part.
     """
     rng, X_PJ, places = np.random.default_rng((seed, 5)), np.array(tree.X_PJ), {}
+    known = known_places(data)
     for rows in cameras:
-        placed = placed_by_known(data, tree, rows, rng).X_WC
+        placed = placed_by_known(data, tree, rows, rng, known).X_WC
         F = data.X_flange[list(placed), flange]
         found = HandEye.from_poses(F, np.array(list(placed.values())))
         places[rows.name] = found.X
         X_PJ[flange] = inverse(found.Z)
     tree = replace(with_sensors(tree, places), X_PJ=X_PJ)
-    known = np.flatnonzero(known_places(data))
-    return with_others(data, tree, {r.name: r for r in cameras}, list(places), known, seed)
+    located = np.flatnonzero(known)
+    return with_others(data, tree, {r.name: r for r in cameras}, list(places), located, seed)
 
 
 def _other_markers(data: BodyDataset, tree: BodyTree, observations: TreeObservations) -> BodyTree:

@@ -16,12 +16,13 @@ from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.tree.guesses.camera_guess import together
-from nico_selfmodel.estimation.tree.guesses.carried_cameras import known_places, pose_before
+from nico_selfmodel.estimation.tree.guesses.carried_cameras import pose_before
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_setup import Description
 from nico_selfmodel.geometry.resection import FEWEST, robust_camera_pose
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.tree.body_tree import WORLD
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
 PARTS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")
@@ -100,16 +101,20 @@ def _views(data: BodyDataset, rows: SensorRows, description: Description | None)
     if trackers and info.on == WORLD_NAME:
         i, j = together(rows, trackers[0])
         return [(trackers[0].measured[j, :3], rows.measured[i])]
-    own = np.flatnonzero(known_places(data)[rows.marker])
+    known = np.array([m.xyz is not None for m in data.markers])[rows.marker]
     p = np.array([m.xyz or (0.0, 0.0, 0.0) for m in data.markers])[rows.marker]
-    samples = [own] if info.on == WORLD_NAME else _by_sample(own, rows.pose)
-    return [(p[rows_of], rows.measured[rows_of]) for rows_of in samples]
+    on = np.array([data.on_link(m.on) for m in data.markers])[rows.marker]
+    if info.on == WORLD_NAME and (known & (on == WORLD)).any():
+        samples = [np.flatnonzero(known & (on == WORLD))]
+    else:
+        samples = _by_sample(np.flatnonzero(known), rows.pose * (len(data.joints) + 1) + on)
+    return [(p[own], rows.measured[own]) for own in samples]
 
 
-def _by_sample(rows: NDArray, pose: NDArray) -> list[NDArray]:
-    """Return rows by sample, of samples that tell a camera's pose, those with most of them."""
-    rows = rows[np.argsort(pose[rows], kind="stable")]
-    each = np.split(rows, np.flatnonzero(np.diff(pose[rows])) + 1)
+def _by_sample(rows: NDArray, view: NDArray) -> list[NDArray]:
+    """Return rows by sample and link, of those that tell a pose, those with most of them."""
+    rows = rows[np.argsort(view[rows], kind="stable")]
+    each = np.split(rows, np.flatnonzero(np.diff(view[rows])) + 1)
     each.sort(key=len, reverse=True)
     return [own for own in each if len(own) >= FEWEST][:_VIEWS]
 

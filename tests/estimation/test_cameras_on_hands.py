@@ -1,0 +1,68 @@
+"""Cameras on links of a body that something else tells: a tracker, or cameras that stand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.dataset.body.body_dataset import ObservationTable
+from nico_selfmodel.dataset.body.sensors import MarkerInfo, SensorInfo
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.tree.body_tree import WORLD, Attached
+
+from .simulated_trees import LENS, observed, one_arm, turned
+
+
+def test_a_camera_on_a_hand_is_placed_by_markers_that_a_tracker_located():
+    # It began in the link's middle, and what it saw ended up to 50,000 km away.
+    rng = np.random.default_rng(3)
+    sim = one_arm(3, joints=4, markers=2, poses=40)
+    room = tuple(
+        Attached(f"room{k}", WORLD, transform(np.eye(3), p))
+        for k, p in enumerate(2.0 * rng.normal(size=(40, 3)))
+    )
+    tree = sim.tree
+    eye = Attached("eye", 3, turned(rng, 30.0, 40.0))
+    tree = replace(
+        tree,
+        markers=(*tree.markers, *room),
+        sensors=(*tree.sensors, eye),
+        lenses={"eye": LENS},
+    )
+    infos = (*sim.data.markers, *(MarkerInfo(m.name, "world") for m in room))
+    size = {"image_size": LENS.image_size, "lens": dict(LENS.named_values)}
+    sensors = (*sim.data.sensors, SensorInfo("eye", "camera", on="j4", **size))
+    noise = {"joint_sigma": np.radians(0.05), "sigma": {"camera": 0.3, "points": 3e-4}}
+    data = observed(tree, sim.data.joints, infos, sensors, sim.readings_true, rng, **noise)
+    table = data.observations
+    tracked, seen = table.sensor == 0, np.bincount(table.marker[table.sensor == 1], minlength=42)
+    # The tracker sees the hand and half of the room; nobody needs what hardly is in view.
+    data = data.of_rows(np.where(tracked, table.marker < 22, seen[table.marker] > 2))
+    found = calibrate_tree(data, effects=())
+    pixels = found.train.by_row()[data.observations.sensor == 1]
+    assert np.median(pixels) < 1.0
+
+
+def test_a_camera_on_a_hand_that_sees_nothing_located_is_refused():
+    sim = one_arm(3, joints=4, markers=2, poses=40)
+    size = {"image_size": LENS.image_size, "lens": dict(LENS.named_values)}
+    markers = (*sim.data.markers, MarkerInfo("tag", "world"))
+    sensors = (*sim.data.sensors, SensorInfo("eye", "camera", on="j4", **size))
+    table = sim.data.observations
+    seen = np.array([[320.0 + 3.0 * k, 240.0, *[np.nan] * 4] for k in range(40)])
+
+    def with_more(key, value):
+        return np.append(getattr(table, key), np.full(40, value))
+
+    table = ObservationTable(
+        np.append(table.pose, np.arange(40)),
+        with_more("sensor", 1),
+        with_more("marker", 2),
+        with_more("other", -1),
+        np.vstack([table.values, seen]),
+    )
+    data = replace(sim.data, markers=markers, sensors=sensors, observations=table)
+    with pytest.raises(DataError, match=r"camera 'eye' on 'j4' saw 0 markers that something else"):
+        calibrate_tree(data, effects=())
