@@ -36,8 +36,8 @@ _VIEWER = '<script type="text/javascript" src="meshcat.js"></script>'
 _BEGIN, _END = "<!-- CONNECTION BLOCK BEGIN -->", "<!-- CONNECTION BLOCK END -->"
 """What Drake's page has for a server: commands stand in its place."""
 _DRAW = """
-const bytes = text => Uint8Array.from(atob(text), letter => letter.charCodeAt(0)).buffer;
 function draw(command) {
+  const bytes = text => Uint8Array.from(atob(text), letter => letter.charCodeAt(0)).buffer;
   for (const {data} of command.object?.geometries ?? [])
     for (const one of [data?.index, ...Object.values(data?.attributes ?? {})])
       if (one) one.array = new globalThis[one.type](bytes(one.array));
