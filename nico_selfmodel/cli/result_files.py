@@ -97,7 +97,7 @@ def write_with_report(
         FileExistsError: If the folder exists and `force` is not set.
         OSError: If it cannot be written.
         ModelError: If the robot that the model names is gone, or has other joints.
-        SelfModelError: If the server that makes the interactive scene cannot start.
+        SelfModelError: If Drake's page for scenes is not one that is known.
     """
     from nico_selfmodel.result_folder.writing import write_result
 

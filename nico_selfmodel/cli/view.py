@@ -31,8 +31,9 @@ def view(
     seen; what was never seen of them is grey.
     """
     from nico_selfmodel.files.whole import refuse_existing, write_whole
-    from nico_selfmodel.viz.live.drake_backend import draw_in_drake, static_html
+    from nico_selfmodel.viz.live.drake_backend import draw_in_drake
     from nico_selfmodel.viz.live.meshcat_backend import publish
+    from nico_selfmodel.viz.live.static_page import static_html
 
     scene = _scene_with_shape(result)
     if out is not None:

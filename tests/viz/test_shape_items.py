@@ -6,7 +6,7 @@ import json
 import numpy as np
 
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.viz.live.drake_backend import static_html
+from nico_selfmodel.viz.live.static_page import static_html
 from nico_selfmodel.viz.live.surface_mesh import surface_gltf
 from nico_selfmodel.viz.scene.robot.shape_items import NEVER_SEEN, with_shape
 from nico_selfmodel.viz.scene.scene import Camera, Scene

@@ -18,7 +18,7 @@ import zmq
 from pydrake.geometry import Meshcat, MeshcatParams
 
 from nico_selfmodel.errors import SelfModelError
-from nico_selfmodel.viz.live.drake_backend import draw_in_drake, static_html
+from nico_selfmodel.viz.live.drake_backend import draw_in_drake
 from nico_selfmodel.viz.live.live_page import LivePage, opened, recorded
 from nico_selfmodel.viz.live.meshcat_backend import publish
 from nico_selfmodel.viz.scene.arm_scene import calibration_scene
@@ -60,18 +60,8 @@ def test_drake_listens_on_this_machine_only_and_keeps_quiet(everything, caplog, 
     assert capfd.readouterr() == ("", "")
 
 
-def test_the_static_page_holds_the_whole_scene(learned):
-    assert draw_commands(static_html(learned)) >= {f"{ROOT}/{path}" for path in learned.paths}
-
-
-def test_the_static_page_is_without_decoders_that_nothing_in_it_needs(learned):
-    page = static_html(learned)
-    assert not re.search("(wasm|javascript);base64,", page)
-    assert len(page) < 1.5e6
-
-
 def draw_commands(page):
-    """Return the paths of all objects in a static page of either viewer."""
+    """Return the paths of all objects in the page of a meshcat server."""
     from meshcat.visualizer import umsgpack
 
     found = set()

@@ -1,7 +1,6 @@
-"""A scene in Drake's Meshcat: live on this machine, or as one self-contained page."""
+"""A scene in Drake's Meshcat, live on this machine."""
 
 import logging
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -16,6 +15,7 @@ from pydrake.geometry import Rgba as DrakeRgba
 
 from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.viz.live.meshing import mesh_of
+from nico_selfmodel.viz.live.paint import AMBIENT, BACKGROUND
 from nico_selfmodel.viz.live.picture_mesh import picture_gltf
 from nico_selfmodel.viz.live.surface_mesh import surface_gltf
 from nico_selfmodel.viz.scene.scene import FIELD_OF_VIEW, ROOT, Scene
@@ -29,14 +29,6 @@ from nico_selfmodel.viz.scene.scene_items import (
     Segments,
     Surface,
 )
-
-AMBIENT, BACKGROUND = 1.1, ((1.0, 1.0, 1.0), (0.90, 0.92, 0.95))
-
-
-_DECODERS = re.compile(r"data:application/(?:wasm|javascript);base64,[\w+/=]*")
-"""What the viewer reads compressed meshes and textures with, most of its page: ours are plain."""
-_GRAIN = 2.0**-15
-"""To which places of triangles are rounded, for pages to be packed: nobody sees it [m]."""
 
 
 def draw_in_drake(scene: Scene, meshcat: Meshcat | None = None) -> Meshcat:
@@ -56,7 +48,7 @@ def draw_in_drake(scene: Scene, meshcat: Meshcat | None = None) -> Meshcat:
     meshcat.Delete(ROOT)
     for path in ("/Grid", "/Axes"):
         meshcat.SetProperty(path, "visible", False)
-    for key, color in zip(("top_color", "bottom_color"), BACKGROUND, strict=True):
+    for key, color in BACKGROUND.items():
         meshcat.SetProperty("/Background", key, list(color))
     meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", AMBIENT)
     for item in scene.items:
@@ -68,15 +60,6 @@ def draw_in_drake(scene: Scene, meshcat: Meshcat | None = None) -> Meshcat:
     meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=fov, near=0.01, far=100.0))
     meshcat.SetCameraPose(scene.camera.p_WC, scene.camera.p_WT)
     return meshcat
-
-
-def static_html(scene: Scene) -> str:
-    """Return a scene as one page that needs no network and no server.
-
-    Raises:
-        SelfModelError: If the server that makes it cannot start.
-    """
-    return _DECODERS.sub("data:,", draw_in_drake(scene).StaticHtml())
 
 
 def draw_item(meshcat: Meshcat, path: str, item: Item) -> None:
@@ -99,7 +82,7 @@ def draw_item(meshcat: Meshcat, path: str, item: Item) -> None:
         _draw_file(meshcat, path, surface_gltf(item, item.colors))
     else:
         mesh = mesh_of(item)
-        vertices = np.asfortranarray(np.round(mesh.vertices.T / _GRAIN) * _GRAIN)
+        vertices = np.asfortranarray(mesh.vertices.T)
         faces = np.asfortranarray(mesh.faces.T.astype(np.int32))
         if mesh.colors is None:
             meshcat.SetTriangleMesh(path, vertices, faces, color)

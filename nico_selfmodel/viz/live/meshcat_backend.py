@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.viz.figures.rgba import Rgba
-from nico_selfmodel.viz.live.drake_backend import AMBIENT, BACKGROUND
 from nico_selfmodel.viz.live.meshing import mesh_of
+from nico_selfmodel.viz.live.paint import AMBIENT, BACKGROUND, paint
 from nico_selfmodel.viz.live.picture_mesh import picture_object
 from nico_selfmodel.viz.scene.scene import FIELD_OF_VIEW, ROOT, Camera, Scene
 from nico_selfmodel.viz.scene.scene_items import (
@@ -112,7 +111,7 @@ def _draw_scene(window: _Window, scene: Scene) -> None:
     viewer[ROOT].delete()
     for path in ("/Grid", "/Axes"):
         viewer[path].set_property("visible", False)
-    for key, color in zip(("top_color", "bottom_color"), BACKGROUND, strict=True):
+    for key, color in BACKGROUND.items():
         viewer["/Background"].set_property(key, list(color))
     viewer["/Lights/AmbientLight/<object>"].set_property("intensity", 0.5 * AMBIENT)
     for item in scene.items:
@@ -126,10 +125,10 @@ def _draw_scene(window: _Window, scene: Scene) -> None:
 def _draw(place: Any, item: Item) -> None:
     import meshcat.geometry as shapes
 
-    material = shapes.MeshPhongMaterial(**_paint(item.color))
+    material = shapes.MeshPhongMaterial(**paint(item.color))
     if isinstance(item, Segments):
         points = np.stack([item.starts, item.ends], axis=1).reshape(-1, 3)
-        line = shapes.LineBasicMaterial(**_paint(item.color))
+        line = shapes.LineBasicMaterial(**paint(item.color))
         geometry = shapes.PointsGeometry(points.T.astype(np.float32))
         place.set_object(shapes.LineSegments(geometry, line))
     elif isinstance(item, Ellipsoid):
@@ -148,10 +147,10 @@ def _draw(place: Any, item: Item) -> None:
     else:
         mesh = mesh_of(item)
         geometry = shapes.TriangularMeshGeometry(mesh.vertices, mesh.faces, mesh.colors)
-        paint = _paint(item.color)
+        look = paint(item.color)
         if mesh.colors is not None:
-            paint |= {"color": 0xFFFFFF, "vertexColors": True}
-        place.set_object(geometry, shapes.MeshPhongMaterial(flatShading=True, **paint))
+            look |= {"color": 0xFFFFFF, "vertexColors": True}
+        place.set_object(geometry, shapes.MeshPhongMaterial(flatShading=True, **look))
 
 
 def _rod(place: Any, length: float, radius: float, material: Any) -> None:
@@ -159,11 +158,6 @@ def _rod(place: Any, length: float, radius: float, material: Any) -> None:
 
     place["rod"].set_object(shapes.Cylinder(length, radius), material)
     place["rod"].set_transform(_Z_FROM_Y)
-
-
-def _paint(color: Rgba) -> dict[str, Any]:
-    red, green, blue = (round(255 * c) for c in color[:3])
-    return {"color": (red << 16) + (green << 8) + blue, "opacity": color[3]}
 
 
 def _look(viewer: Any, camera: Camera) -> None:

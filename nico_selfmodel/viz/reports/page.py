@@ -10,7 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.rgba import Rgba
-from nico_selfmodel.viz.live.drake_backend import static_html
+from nico_selfmodel.viz.live.static_page import static_html
 from nico_selfmodel.viz.reports import parts
 from nico_selfmodel.viz.reports.residual_rows import RESIDUALS_FILE
 from nico_selfmodel.viz.scene.scene import SCENE_FILE, Scene
@@ -84,7 +84,7 @@ class Report:
         """Return the files that show a result: report, residuals, and the scene for `view`.
 
         Raises:
-            SelfModelError: If the server that makes the interactive scene cannot start.
+            SelfModelError: If Drake's page for scenes is not one that is known.
         """
         files = {REPORT_FILE: self.html(), SCENE_FILE: self.scene.to_json()}
         return files | ({RESIDUALS_FILE: self.residuals} if self.residuals else {})
@@ -93,7 +93,7 @@ class Report:
         """Return the report as one self-contained page, which loads nothing from anywhere.
 
         Raises:
-            SelfModelError: If the server that makes the interactive scene cannot start.
+            SelfModelError: If Drake's page for scenes is not one that is known.
         """
         status = self.document["status"]
         return (
