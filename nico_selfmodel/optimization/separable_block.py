@@ -100,6 +100,19 @@ class SeparableBlock(ABC):
         weighted = np.swapaxes(free * np.sqrt(weight)[:, None, None], 1, 2)
         return weighted.reshape(-1, by_shared.shape[1])
 
+    @staticmethod
+    def own_leverage(parts: Parts) -> NDArray:
+        """Return how much of each residual its observation's own variables take up.
+
+        Args:
+            parts: As returned by `evaluate_parts`.
+
+        Returns:
+            The diagonal of Q Q'. Shape (V k,).
+        """
+        q = np.linalg.qr(np.swapaxes(parts[2], 1, 2))[0]
+        return np.sum(q * q, axis=2).ravel()
+
 
 def eliminated_step(
     hessian: NDArray, gradient: NDArray, damping: NDArray, own: NDArray

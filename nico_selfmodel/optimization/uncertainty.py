@@ -140,8 +140,12 @@ class Uncertainty:
         natural: NDArray,
         squared_residuals: float,
         observations: int,
+        scatter: NDArray | None = None,
     ) -> "Uncertainty":
         """Analyse the whitened Jacobian at a solution, C = s^2 (J'J)^-1.
+
+        Of residuals that do not scatter alike it is C = (J'J)^-1 J' diag(scatter) J (J'J)^-1
+        (White 1980).
 
         Args:
             names: Free parameters. Length k.
@@ -149,6 +153,7 @@ class Uncertainty:
             natural: Natural scale of each parameter. Shape (k,).
             squared_residuals: Sum of squared whitened residuals.
             observations: Number of residuals that carry weight.
+            scatter: Variance of each residual, where these are not alike. Shape (m,).
 
         Returns:
             The uncertainty. Without redundancy s^2 is taken as 1, the sigma assumed beforehand.
@@ -157,6 +162,8 @@ class Uncertainty:
         factor = squared_residuals / redundancy if redundancy > 0 else np.nan
         spread = np.sqrt(factor) if redundancy > 0 else 1.0
         scaled = jacobian * natural
+        if scatter is not None:
+            scaled, spread = _as_told(scaled, scatter), 1.0
         # The triangular factor holds all there is to know of a tall matrix.
         triangle = np.linalg.qr(scaled, mode="r") if len(scaled) > len(names) else scaled
         _, values, vt = np.linalg.svd(triangle, full_matrices=True)
@@ -186,6 +193,22 @@ class Uncertainty:
             observations,
             root[sigma > most],
         )
+
+
+def _as_told(jacobian: NDArray, scatter: NDArray) -> NDArray:
+    """Return a Jacobian of residuals of variance 1 that tell as much as some of others.
+
+    With J = U S V' and W = U' diag(scatter) U = L L' it is L^-1 S V': its information inverted is
+    V S^-1 W S^-1 V'. Residuals that scatter alike give W = w I but for chance; W is drawn towards
+    that by how much of what it differs chance makes (Ledoit, Wolf 2004, section 3.2).
+    """
+    u, values, vt = np.linalg.svd(jacobian, full_matrices=False)
+    W = (u * scatter[:, None]).T @ u
+    alike = np.eye(len(W)) * np.trace(W) / len(W)
+    by_chance = float(np.sum((scatter * np.sum(u * u, axis=1)) ** 2))
+    share = min(1.0, by_chance / max(float(np.sum((W - alike) ** 2)), np.finfo(float).tiny))
+    W = share * alike + (1.0 - share) * W
+    return np.asarray(np.linalg.solve(np.linalg.cholesky(W), values[:, None] * vt))
 
 
 def _by_way(vt: NDArray, sigma: NDArray, rounding: NDArray) -> NDArray:

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation.cameras import lens_choice
+from nico_selfmodel.estimation.cameras.camera_adjustment import Adjustment
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
+from nico_selfmodel.estimation.cameras.camera_initialization import rational_like
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.cameras.lens_choice import lens_of
 from nico_selfmodel.estimation.cameras.lens_misfit import lens_misfits
@@ -17,6 +19,7 @@ from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 
+from ..slow_rest import slow_rest
 from .wide_boards import P_GQ, SIZE, wide_camera, wide_views
 
 SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
@@ -248,3 +251,46 @@ def test_a_fisheye_asked_for_before_a_rational_lens_fails_where_corners_tell(see
     choice, verdict = verdict_on("rational", seed, "fisheye")
     assert (choice.better == "rational") == wrong
     assert not wrong or verdict.status == "FAIL"
+
+
+@pytest.mark.parametrize("seed", slow_rest([39, 95, 97, 19, 42, *range(200, 220)], plain=3))
+def test_rational_lenses_are_found_from_nothing_as_well_as_from_the_truth(seed):
+    """From a polynomial, or from one start for all, some ended up to thirty times as far off."""
+    rng = np.random.default_rng((seed, 11))
+    camera = wide_camera("rational", rng)
+    camera = replace(camera, k1=rng.uniform(0.2, 1.2), k4=rng.uniform(0.6, 1.5))
+    views = wide_views((camera,), rng, 20, sigma=0.01)
+    options = CameraOptions(lens="rational")
+    found = calibrate_cameras(views, options)
+    assert found.converged
+    true = calibrate_cameras(views, options, replace(found, cameras=(camera,)))
+    assert found.cost <= 1.001 * true.cost
+    assert found.pixel_sigma == pytest.approx(0.01, rel=0.1)
+
+
+def test_a_rational_lens_made_like_a_fisheye_bends_light_as_it_does():
+    camera = wide_camera("fisheye", np.random.default_rng(12))
+    corners = (P_GQ - P_GQ.mean(axis=0))[:, :2] * 2000.0 + np.array([640.0, 480.0])
+    like = rational_like(camera, np.vstack([corners, [[np.nan, np.nan]]]))
+    off = like.project(camera.directions(corners)) - corners
+    assert like.lens == "rational"
+    assert np.abs(off).max() < 0.05
+
+
+@pytest.mark.slow
+def test_sigmas_hold_where_corners_far_out_are_less_sharp(monkeypatch):
+    z, options = {True: [], False: []}, CameraOptions(lens="fisheye")
+    for seed in range(500, 520):
+        camera = wide_camera("fisheye", np.random.default_rng((seed, 5)))
+        views = wide_views((camera,), np.random.default_rng((seed, 6)), sigma=0.0)
+        out = np.linalg.norm(views.pixels - [camera.cx, camera.cy], axis=2, keepdims=True) / 500.0
+        noise = np.random.default_rng(seed).normal(0.0, 0.1, views.pixels.shape)
+        blurred = replace(views, pixels=views.pixels + noise * (0.2 + out**2))
+        for tells in z:
+            monkeypatch.setattr(Adjustment, "_tells_scatter", lambda *_, tells=tells: tells)
+            found = calibrate_cameras(blurred, options)
+            error = found.cameras[0].values - camera.values
+            of = [list(found.cameras[0].named_values).index(n[5:]) for n in found.names]
+            z[tells] += list(error[of] / found.uncertainty.sigma)
+    assert 0.85 < np.sqrt(np.mean(np.square(z[True]))) < 1.15
+    assert np.sqrt(np.mean(np.square(z[False]))) > 1.25

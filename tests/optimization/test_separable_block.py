@@ -283,3 +283,13 @@ def test_what_is_known_of_the_shared_ones_is_the_schur_complement(seed):
     information = (dense @ dense.T)[np.ix_(kept, kept)]
     a, b, c = information[:2, :2], information[2:, :2], information[2:, 2:]
     assert reduced.T @ reduced == pytest.approx(a - b.T @ np.linalg.solve(c, b), rel=1e-8)
+
+
+@given(SEED)
+def test_what_own_variables_take_up_is_the_diagonal_of_their_hat_matrix(seed):
+    block = make_block(seed % 1000)
+    parts = block.evaluate_parts(start_of(block))
+    found = block.own_leverage(parts).reshape(5, 12)
+    for own, leverage in zip(np.swapaxes(parts[2], 1, 2), found, strict=True):
+        hat = own @ np.linalg.solve(own.T @ own, own.T)
+        assert leverage == pytest.approx(np.diag(hat), abs=1e-9)

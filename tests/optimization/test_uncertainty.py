@@ -54,6 +54,46 @@ def test_the_covariance_is_the_spread_of_two_thousand_regressions():
     assert estimates.std(axis=1) / sigma == pytest.approx(np.ones(4), abs=0.06)
 
 
+def scattered(a, squares):
+    """Analyse a regression by the squares of its residuals, each over one less its leverage."""
+    q = np.linalg.qr(a)[0]
+    scatter = squares / (1.0 - np.sum(q * q, axis=1))
+    m, k = a.shape
+    return Uncertainty.from_jacobian(NAMES, a, np.full(k, 1e3), squares.sum(), m, scatter)
+
+
+@given(seed=st.integers(0, 2**32 - 1), variance=st.floats(0.01, 100.0))
+def test_residuals_that_scatter_alike_are_those_without_a_scatter_of_their_own(seed, variance):
+    a = regression(seed)
+    found = Uncertainty.from_jacobian(NAMES, a, np.full(4, 1e3), 1.0, 30, np.full(30, variance))
+    assert_allclose(found.covariance, variance * np.linalg.inv(a.T @ a), rtol=1e-7, atol=1e-12)
+
+
+@pytest.mark.parametrize("alike", [True, False])
+def test_the_covariance_is_the_spread_of_regressions_whose_rows_scatter_as_they_like(alike):
+    rng, a = np.random.default_rng(4), regression(5, 400)
+    size = np.abs(a[:, 1]) / 10.0  # the farther out, the less sharp, as at a picture's edge
+    noise = rng.normal(size=(400, 2000)) * (np.ones(400) if alike else size)[:, None]
+    estimates = np.linalg.lstsq(a, noise, rcond=None)[0]
+    rest = noise - a @ estimates
+    found = [scattered(a, r * r) for r in rest.T[:100]]
+    spread = estimates.std(axis=1)
+    assert spread / np.mean([f.sigma for f in found], axis=0) == pytest.approx(1.0, abs=0.1)
+    nees = [x @ np.linalg.solve(f.covariance, x) for x, f in zip(estimates.T, found, strict=False)]
+    assert np.mean(nees) == pytest.approx(4.0, abs=0.9)
+    plain = [analyse(a, squared=float(r @ r)).sigma[1] for r in rest.T[:100]]
+    assert (spread[1] / np.mean(plain) > 1.4) != alike
+
+
+def test_what_nothing_determines_stays_so_whatever_rows_scatter_by():
+    a = regression(6)
+    a[:, 3] = a[:, 0]
+    scatter = np.random.default_rng(7).uniform(0.5, 2.0, 30)
+    found = Uncertainty.from_jacobian(NAMES, a, np.full(4, 1e3), 1.0, 30, scatter)
+    assert found.rank == 3
+    assert found.unobservable[0].names == ("a", "d")
+
+
 def test_natural_units_do_not_change_what_is_known():
     a = regression(3)
     one = analyse(a, natural=[1e3] * 4)

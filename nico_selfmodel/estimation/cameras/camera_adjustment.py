@@ -23,7 +23,7 @@ from nico_selfmodel.optimization.robust_solve import (
     solve_robustly,
     solve_without,
 )
-from nico_selfmodel.optimization.separable_block import Parts
+from nico_selfmodel.optimization.separable_block import Parts, SeparableBlock
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 OUTLIER_RATIO = 10.0
@@ -38,6 +38,10 @@ _ROUNDS = 4
 """Solutions after which it is taken as it is: which boards are outliers may go to and fro."""
 _EXACT = 1e-9
 """Standard deviation of corners without noise [px]."""
+_PER_PARAMETER = 20
+"""Residuals for each parameter from which on they tell how they scatter one by one."""
+_LEAST_LEFT = 0.1
+"""Share of a residual that is not taken up by what it alone tells, at least."""
 SUSPICIOUS = 3.0
 """A board whose rms is this many times the median one makes a robust solution worth its time."""
 
@@ -267,7 +271,11 @@ class Adjustment:
         return 2 * int(self.views.seen[inliers].sum()) - 6 * int(inliers.sum())
 
     def _uncertainty(self, parts: Parts, inliers: NDArray) -> Uncertainty:
-        """Return the covariance of the free camera parameters, boards eliminated."""
+        """Return the covariance of the free camera parameters, boards eliminated.
+
+        Corners of small or slanted squares, at the image's edge, are less sharp than others, and
+        tell most of a lens: their residuals say how much less (`_scatter`).
+        """
         names = self.block.shared_names
         columns = np.flatnonzero(self.program.free[: len(names)])
         free = tuple(names[i] for i in columns)
@@ -283,7 +291,26 @@ class Adjustment:
             natural_scales(free, self.views, self.x[: len(names)], names),
             float(np.sum(parts[0][inliers] ** 2)),
             self._redundancy(inliers) + len(priors),
+            self._scatter(parts, jacobian, len(priors)) if self._tells_scatter(inliers) else None,
         )
+
+    def _tells_scatter(self, inliers: NDArray) -> bool:
+        """Whether there are enough residuals to say how each of them scatters."""
+        free = int(self.program.free[: len(self.block.shared_names)].sum())
+        return self._redundancy(inliers) >= _PER_PARAMETER * free
+
+    @staticmethod
+    def _scatter(parts: Parts, jacobian: NDArray, priors: int) -> NDArray:
+        """Return the variance of each residual as it alone tells it, e^2 / (1 - h).
+
+        With the leverage h of the hat matrix that is unbiased where all are alike (MacKinnon,
+        White 1985: HC2). Priors are as they are stated.
+        """
+        e2 = parts[0].ravel() ** 2
+        q = np.linalg.qr(jacobian)[0]
+        h = SeparableBlock.own_leverage(parts) + np.sum(q * q, axis=1)
+        found = e2 / np.maximum(1.0 - h, _LEAST_LEFT)
+        return np.append(np.maximum(found, _EXACT * found.mean()), np.ones(priors))
 
 
 def _rational_priors(

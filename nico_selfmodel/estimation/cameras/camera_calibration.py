@@ -5,7 +5,6 @@ matrix and cheirality, then one adjustment of all cameras and all boards.
 """
 
 import time
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from nico_selfmodel.estimation.cameras.camera_adjustment import Adjustment, Came
 from nico_selfmodel.estimation.cameras.camera_initialization import (
     check_tilts,
     fisheye_start,
+    rational_like,
     zhang_start,
 )
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions, by_full_name
@@ -24,17 +24,12 @@ from nico_selfmodel.estimation.cameras.pair_checks import check_pair, check_star
 from nico_selfmodel.estimation.cameras.parts_of_boards import told_places
 from nico_selfmodel.estimation.cameras.rig_start import rig_links, rig_start
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.cameras.projection import FISHEYE, intrinsics_of
+from nico_selfmodel.model.cameras.projection import FISHEYE, RATIONAL
 from nico_selfmodel.model.cameras.rig_parameters import rig_names
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 FEWEST_VIEWS = 3
 """Boards below which a camera with a free principal point is not determined."""
-_POOR = 3e-3
-"""Share of the image's half diagonal that a start leaves unexplained, from which another is
-tried."""
-_EQUIDISTANT = {"k1": 0.778, "k2": 0.068, "k4": 1.111, "k5": 0.238}
-"""A rational lens to begin with where it is wide: atan(r) / r by Pade."""
 
 
 @on_one_blas_thread
@@ -143,30 +138,24 @@ def _refine_alone(views: BoardViews, options: CameraOptions, *, alone: bool) -> 
             f"the {side} camera saw {len(views)} board{'s' * (len(views) != 1)}, at least "
             f"{FEWEST_VIEWS} in different attitudes are needed, 10 to 20 are better"
         )
-    own, found = options.of_camera(side), list[Adjustment]()
-    (lens,), (size,) = own.lenses(views.cameras), views.image_sizes
+    own = options.of_camera(side)
+    (lens,) = own.lenses(views.cameras)
+    if lens == RATIONAL:
+        return _finished(_like_a_fisheye(views, own), own, alone=alone)
     start = fisheye_start if lens == FISHEYE else zhang_start
-    camera, X_CG = start(views)
-    reach = 0.5 * float(np.hypot(*size))
-    for bend in _starts_of(lens, reach / camera.fx):
-        bent = replace(camera, lens=lens, **bend)
-        found.append(_approached(views, bent, X_CG, own))
-        if found[-1].rms < _POOR * reach:
-            break
-    best = min(found, key=lambda adjustment: adjustment.rms)
-    return _finished(best, options, alone=alone)
+    return _finished(_approached(views, *start(views), own), own, alone=alone)
 
 
-def _starts_of(lens: str, radius: float) -> tuple[dict[str, float], ...]:
-    """Return coefficients to begin with, the likelier ones first.
+def _like_a_fisheye(views: BoardViews, options: CameraOptions) -> Adjustment:
+    """Begin with the rational lens that bends light as the fisheye does that fits the boards best.
 
-    Args:
-        lens: One of `LENSES`.
-        radius: Of the image's corner, over the focal length.
+    From elsewhere an adjustment may end where a zero stands beside a pole, anywhere: a fisheye has
+    one minimum, and bends light as most lenses do.
     """
-    if "k6" not in intrinsics_of(lens):
-        return ({},)
-    return (_EQUIDISTANT, {}) if radius > 1.0 else ({}, _EQUIDISTANT)
+    fisheye = _approached(views, *fisheye_start(views), CameraOptions(lens=FISHEYE))
+    fisheye.approach(tolerance=0.01)
+    camera = rational_like(fisheye.cameras[0], views.pixels)
+    return Adjustment(views, (camera,), fisheye.X_LG, options)
 
 
 def _approached(

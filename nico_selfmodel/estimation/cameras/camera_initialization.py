@@ -1,5 +1,7 @@
 """Closed-form starts of a camera calibration: Zhang's method and the pair's relative pose."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,7 +12,7 @@ from nico_selfmodel.geometry.homography import homography
 from nico_selfmodel.geometry.rotation import nearest_rotation
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.cameras.projection import FISHEYE, project_in_camera
+from nico_selfmodel.model.cameras.projection import FISHEYE, RATIONAL, project_in_camera
 
 _PARALLEL = np.radians(3.0)
 """Boards whose normals differ by less than this leave the focal length open."""
@@ -18,6 +20,10 @@ _FISHEYE_VIEWS = np.array([90.0, 110.0, 130.0, 150.0, 170.0, 190.0, 220.0])
 """Angles of view along the longer side that a fisheye may have [deg]."""
 _AHEAD = 0.05
 """Cosine of the angle from a board's middle up to which its corners place it."""
+_STEEPEST = np.radians(85.0)
+"""Angle off the axis up to which a rational lens is made like a fisheye."""
+_PLACES, _PASSES, _HELD = 100, 4, 1e-5
+"""Angles at which it is, how often, and the weight that keeps coefficients small."""
 _AGREEING = 0.1
 """Boards whose views of the cameras' relative pose differ by less, in radians and depths, agree."""
 
@@ -86,6 +92,46 @@ def fisheye_start(views: BoardViews) -> tuple[Camera, NDArray]:
     if not found:
         raise EstimationError("no fisheye sees these boards: are they in view, near its centre?")
     return min(found, key=lambda one: one[0])[1:]
+
+
+def rational_like(fisheye: Camera, pixels: NDArray) -> Camera:
+    """Return the rational lens that bends light as a fisheye does, as far out as corners were seen.
+
+    Of as many coefficients as leave no pole there.
+
+    Args:
+        fisheye: The fisheye.
+        pixels: Corners, nan where not seen. Shape (..., 2).
+    """
+    axis = fisheye.directions(pixels[np.isfinite(pixels[..., 0])])[:, 2]
+    widest = float(np.arccos(np.nanmin(axis, initial=1.0)))
+    theta = np.linspace(0.0, min(widest, _STEEPEST), _PLACES + 1)[1:]
+    r = np.tan(theta)
+    s = fisheye.profile(theta)[0] / r
+    found = (_fraction(r, s, degree) for degree in (3, 2, 1))
+    k = next((fraction for fraction in found if fraction is not None), np.zeros(6))
+    return replace(fisheye, lens=RATIONAL, **{f"k{i + 1}": float(x) for i, x in enumerate(k)})
+
+
+def _fraction(r: NDArray, s: NDArray, degree: int) -> NDArray | None:
+    """Return k1 to k6 of the fraction N(r^2) / D(r^2) that is s, none beyond a degree in r^2.
+
+    N(r^2) = s D(r^2) is linear in them. Divided by the D of the pass before it is what a pixel is
+    off by, over fx r (Sanathanan, Koerner 1963). None with a pole among the r.
+    """
+    power = 2.0 * np.arange(1, degree + 1)
+    powers = (r / r[-1])[:, None] ** power
+    k, below = np.zeros((2, degree)), np.ones_like(r)
+    for _ in range(_PASSES):
+        weight = r / below
+        rows = weight[:, None] * np.hstack([powers, -s[:, None] * powers])
+        held = np.diag(_HELD * np.linalg.norm(rows, axis=0))
+        right = np.append(weight * (s - 1.0), np.zeros(2 * degree))
+        k = np.linalg.lstsq(np.vstack([rows, held]), right)[0].reshape(2, degree)
+        below = 1.0 + powers @ k[1]
+        if below.min() <= 0.0:
+            return None
+    return np.pad(k / r[-1] ** power, ((0, 0), (0, 3 - degree))).ravel()
 
 
 def board_poses(maps: NDArray, fx: float, fy: float) -> NDArray:
