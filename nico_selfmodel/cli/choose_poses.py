@@ -75,7 +75,7 @@ def _of_a_body(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Choose poses of a body of any tree, whose cameras see one of its markers."""
+    """Choose poses of a body of any tree, one of whose markers cameras or trackers see."""
     import numpy as np
 
     from nico_selfmodel.dataset.body.body_folder import load_body_dataset
@@ -88,15 +88,18 @@ def _of_a_body(
     rng = np.random.default_rng(seed)
     chosen = choose_next_body_poses(learned, data, count, rng, criterion=criterion, marker=marker)
     write_whole(out, readings_table(chosen.readings, learned.tree.joints))
-    before, after = chosen.sigma_before, chosen.sigma_after
+    pixels = chosen.unit == "px"
+    unit, scale = ("px", 1.0) if pixels else ("mm", 1e3)
+    before, after = scale * chosen.sigma_before, scale * chosen.sigma_after
     if as_json:
-        sigmas = {"sigma_before_px": before, "sigma_after_px": after}
+        sigmas = {f"sigma_before_{unit}": before, f"sigma_after_{unit}": after}
         printer.as_json({"poses": chosen.readings.tolist(), **sigmas})
         return
-    words = ["--cameras", model, "--poses", out, "--out", inputs.beside(out, "recorded")]
+    cameras = ["--cameras", model] if pixels else []
+    words = [*cameras, "--poses", out, "--out", inputs.beside(out, "recorded")]
     printer.line(
         f"{count} poses: {out}\n"
-        f"reducible error of the predicted marker in the images, rms: now {before:.3g} px, with "
-        f"these poses {after:.3g} px\n"
+        f"reducible error of the predicted marker{' in the images' if pixels else ''}, rms: now "
+        f"{before:.3g} {unit}, with these poses {after:.3g} {unit}\n"
         f"next  nico-selfmodel record {shlex.join(map(str, words))}"
     )

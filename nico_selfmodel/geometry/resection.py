@@ -8,6 +8,8 @@ from nico_selfmodel.geometry.transform import inverse, transform
 
 FEWEST = 6
 """Points that a linear resection needs."""
+_FARTHEST = 1e3
+"""Times how far points are spread that they are from a camera that tells them apart."""
 
 
 def camera_pose(p_WQ: NDArray, rays: NDArray) -> NDArray:
@@ -58,9 +60,12 @@ def robust_camera_pose(
         Shape (4, 4) and boolean, shape (N,).
     """
     best, agree = np.eye(4), np.zeros(len(rays), dtype=bool)
+    middle, size = p_WQ.mean(axis=0), float(np.sqrt(np.var(p_WQ, axis=0).sum()))
     for _ in range(draws):
         chosen = rng.choice(len(rays), FEWEST, replace=False)
         X = camera_pose(p_WQ[chosen], rays[chosen])
+        if not np.linalg.norm(X[:3, 3] - middle) < _FARTHEST * size:
+            continue
         found = agreeing(X, p_WQ, rays, within)
         if found.sum() > agree.sum():
             best, agree = X, found

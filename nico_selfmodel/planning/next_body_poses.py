@@ -1,16 +1,18 @@
 """Which poses of a whole body to record next: see `next_poses`.
 
 What is known is the covariance C = L L' of the body's parameters: in z, with x = L z, the recorded
-poses say as much as the unit matrix. A pose adds what its pixels of one marker say beyond what
-joint noise does to them.
+poses say as much as the unit matrix. A pose adds what cameras and trackers see of one marker says
+beyond what joint noise does to it.
 """
 
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset, ObservationTable
+from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES, SIGHTS
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_errors import told_as
@@ -46,9 +48,9 @@ def choose_next_body_poses(
     criterion: str = "I",
     marker: str | None = None,
 ) -> NextPoses:
-    """Choose poses between the readings that were recorded, a marker in view of every camera.
+    """Choose poses between the readings that were recorded, a marker in view of all that saw it.
 
-    The marker's error is in pixels, by what the body is uncertain of.
+    The marker's error is by what the body is uncertain of, in pixels where cameras saw it [px, m].
 
     What hides the marker, and what collides, is not known here.
 
@@ -65,42 +67,43 @@ def choose_next_body_poses(
 
     Raises:
         DataError: If the data are of another body, or no pose is in view.
-        ModelError: If the body has no covariance or no such camera or marker.
+        ModelError: If the body has no covariance or no such marker.
         ValueError: If the number, the criterion or the marker is wrong.
     """
-    for lacks, what in (
-        (model.covariance is None, "covariance"),
-        (not model.tree.lenses, "camera"),
-    ):
-        if lacks:
-            raise ModelError(
-                f"body {model.name!r} has no {what}: learn it by `calibrate body` from what "
-                "cameras saw"
-            )
+    if model.covariance is None:
+        raise ModelError(
+            f"body {model.name!r} has no covariance: learn it by `calibrate body` from what "
+            "cameras or trackers saw"
+        )
     index, told = _marker(model, marker), told_as(model.tree, data)
-    seen = np.unique(told.observations.pose[told.observations.marker == index])
+    kinds = np.array([info.kind for info in told.sensors])[told.observations.sensor]
+    own = (told.observations.marker == index) & np.isin(kinds, SIGHTS)
+    seen = np.unique(told.observations.pose[own])
     if not len(seen):
         raise DataError(f"data set {data.name!r} has no view of {model.tree.markers[index].name!r}")
+    seeing = np.unique(told.observations.sensor[own]).tolist()
+    cameras = [told.sensors[s].name for s in seeing if told.sensors[s].kind == CAMERA]
     recorded = told.readings[seen]
     # Far beside a camera a pixel moves without bound.
-    recorded = recorded[_in_view(model, recorded, index)]
+    recorded = recorded[_in_view(model, recorded, index, cameras)]
     if not len(recorded):
         raise DataError(
             f"no recorded pose of {data.name!r} shows {model.tree.markers[index].name!r} to every "
-            "camera"
+            f"camera that saw it ({listed(cameras)})"
         )
-    pool = _pool(model, recorded, index, rng)
-    known = _rows(model, told, recorded, index, whiten=False)
+    pool = _pool(model, recorded, index, cameras, rng)
+    known = _rows(model, told, recorded, index, seeing, whiten=False)
     told_already = np.eye(known.shape[2])[None]
     choice = choose_poses(
-        _rows(model, told, pool, index, whiten=True),
+        _rows(model, told, pool, index, seeing, whiten=True),
         count,
         criterion=criterion,
         targets=known,
         given=told_already,
     )
     before = hand_sigma(told_already, known)
-    return NextPoses(pool[choice.rows], before, choice.hand_sigma, choice)
+    unit = "px" if cameras else "m"
+    return NextPoses(pool[choice.rows], before, choice.hand_sigma, choice, unit)
 
 
 def _marker(model: BodyModel, name: str | None) -> int:
@@ -116,12 +119,18 @@ def _marker(model: BodyModel, name: str | None) -> int:
     return model.tree.marker_index(own[0] if name is None else name)
 
 
-def _pool(model: BodyModel, recorded: NDArray, marker: int, rng: np.random.Generator) -> NDArray:
-    """Draw poses between recorded readings that show the marker to every camera. Shape (N, n)."""
+def _pool(
+    model: BodyModel,
+    recorded: NDArray,
+    marker: int,
+    cameras: Collection[str],
+    rng: np.random.Generator,
+) -> NDArray:
+    """Draw poses between recorded readings that show the marker to all cameras. Shape (N, n)."""
     found: list[NDArray] = []
     for _ in range(_ROUNDS):
         drawn = drawn_between(recorded, _DRAWN, rng)
-        found += list(drawn[_in_view(model, drawn, marker)])
+        found += list(drawn[_in_view(model, drawn, marker, cameras)])
         if len(found) >= POOL:
             break
     if not found:
@@ -132,13 +141,13 @@ def _pool(model: BodyModel, recorded: NDArray, marker: int, rng: np.random.Gener
     return np.array(found[:POOL])
 
 
-def _in_view(model: BodyModel, readings: NDArray, marker: int) -> NDArray:
-    """Return whether every camera has the marker in its image. Shape (N,)."""
+def _in_view(model: BodyModel, readings: NDArray, marker: int, cameras: Collection[str]) -> NDArray:
+    """Return whether all of some cameras have the marker in their images. Shape (N,)."""
     tree, inside = model.tree, np.ones(len(readings), dtype=bool)
     motion = TreeMotion.at(tree, model.readings(readings))
     p_WM = motion.pose_of(tree.markers[marker])[1].T
     for sensor in tree.sensors:
-        if sensor.name not in tree.lenses:
+        if sensor.name not in cameras:
             continue
         R, p = motion.pose_of(sensor)
         lens = tree.lenses[sensor.name].at(np.eye(4))
@@ -150,28 +159,38 @@ def _in_view(model: BodyModel, readings: NDArray, marker: int) -> NDArray:
 
 
 def _rows(
-    model: BodyModel, told: BodyDataset, readings: NDArray, marker: int, *, whiten: bool
+    model: BodyModel,
+    told: BodyDataset,
+    readings: NDArray,
+    marker: int,
+    seeing: Sequence[int],
+    *,
+    whiten: bool,
 ) -> NDArray:
-    """Return derivatives of the marker's pixels by z, of every camera. Shape (N, k, p).
+    """Return derivatives by z of what sensors show of the marker. Shape (N, k, p).
 
     Args:
         model: The body.
-        told: A recording of it, for its joints and cameras.
+        told: A recording of it, for its joints and sensors.
         readings: In the joints' own units. Shape (N, n).
         marker: Which one.
-        whiten: Take off what joint noise and cameras do: rows of unit variance, else of pixels.
+        seeing: Sensors that see it.
+        whiten: Take off what joint noise and sensors do: rows of unit variance; else of pixels
+            [px], or where no camera sees it of places [m].
     """
-    cameras = [s for s, info in enumerate(told.sensors) if info.name in model.tree.lenses]
     count = len(readings)
-    pose = np.repeat(np.arange(count), len(cameras))
+    pose = np.repeat(np.arange(count), len(seeing))
     values = np.full((len(pose), 6), np.nan)
-    values[:, :2] = 0.0
+    sensor = np.tile(seeing, count)
+    # Of whole poses, too, the place is what is asked for.
+    sensors = tuple(replace(s, kind=POINTS) if s.kind == POSES else s for s in told.sensors)
+    kinds = np.array([info.kind for info in sensors])[sensor]
+    values[:, :2], values[kinds == POINTS, 2] = 0.0, 0.0
     none = np.full(len(pose), -1)
-    table = ObservationTable(
-        pose, np.tile(cameras, count), np.full(len(pose), marker), none, values
-    )
+    table = ObservationTable(pose, sensor, np.full(len(pose), marker), none, values)
     asked = replace(
         told,
+        sensors=sensors,
         sample=np.arange(count),
         readings=readings,
         flanges=None,
@@ -183,12 +202,14 @@ def _rows(
     assert model.covariance is not None
     own = [parameters.index[name] for name in model.covariance.names]
     order = np.argsort(seen.data.observations.pose[seen.row], kind="stable")
-    shape = (count, 2 * len(cameras))
-    J = (linear.J[own].T @ root_of(model.covariance.matrix))[order].reshape(*shape, -1)
+    J = (linear.J[own].T @ root_of(model.covariance.matrix))[order]
+    J = J.reshape(count, len(order) // count, -1)
     if not whiten:
-        return J
+        by_pixel = (kinds[seen.row] == CAMERA)[order].reshape(count, -1)[0]
+        return J[:, by_pixel] if by_pixel.any() else J
     sigma = np.array([model.noise.get(model.tree.joints[i], 0.0) for i, _ in seen.noisy_joints])
-    A = (linear.by_joint * sigma)[order].reshape(*shape, -1)
-    pixel = [model.noise.get(told.sensors[s].name, 1.0) for s in cameras]
-    S = A @ np.swapaxes(A, 1, 2) + np.diag(np.repeat(np.square(pixel), 2))
+    A = (linear.by_joint * sigma)[order].reshape(*J.shape[:2], -1)
+    own_sigma = np.array([model.noise.get(group, 1.0) for group in seen.noise_groups])
+    variance = np.square(own_sigma[seen.noise_group][order]).reshape(count, -1)
+    S = A @ np.swapaxes(A, 1, 2) + np.eye(J.shape[1]) * variance[:, None]
     return np.linalg.solve(np.linalg.cholesky(S), J)

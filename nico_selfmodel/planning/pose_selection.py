@@ -57,6 +57,8 @@ class NextPoses:
     """The same once these poses are recorded too."""
     choice: PoseChoice
     """How they were chosen."""
+    unit: str = "m"
+    """Of the errors."""
 
 
 def drawn_between(recorded: NDArray, count: int, rng: np.random.Generator) -> NDArray:

@@ -9,6 +9,7 @@ from nico_selfmodel.dataset.body.body_dataset import ObservationTable
 from nico_selfmodel.dataset.body.sensors import MarkerInfo, SensorInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+from nico_selfmodel.geometry.resection import robust_camera_pose
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_tree import WORLD, Attached
 
@@ -66,3 +67,16 @@ def test_a_camera_on_a_hand_that_sees_nothing_located_is_refused():
     data = replace(sim.data, markers=markers, sensors=sensors, observations=table)
     with pytest.raises(DataError, match=r"camera 'eye' on 'j4' saw 0 markers that something else"):
         calibrate_tree(data, effects=())
+
+
+def test_points_in_a_plane_put_no_camera_where_all_of_them_are_in_one_direction():
+    # Linear equations of points on a circle led 10^84 m away, where rays agree with anything.
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        across = np.linalg.qr(rng.normal(size=(3, 3)))[0][:2]
+        turn = rng.uniform(-1.0, 1.0, 26)
+        circle = 0.06 * np.column_stack([np.cos(turn), np.sin(turn)]) @ across
+        rays = np.array([0.0, 0.0, 1.0]) + 0.12 * rng.normal(size=(26, 3))
+        rays /= np.linalg.norm(rays, axis=1)[:, None]
+        X, _ = robust_camera_pose(circle + rng.normal(size=3), rays, 0.15, rng)
+        assert np.linalg.norm(X[:3, 3]) < 1e3

@@ -12,6 +12,8 @@ from nico_selfmodel.planning.next_body_poses import choose_next_body_poses
 from nico_selfmodel.sessions.whole_body import whole_body_session
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
+from .simulated_trees import one_arm
+
 
 @pytest.fixture(scope="module")
 def learned():
@@ -32,6 +34,14 @@ def test_chosen_poses_lie_between_recorded_ones_and_lessen_the_error(learned):
     assert ((more.readings >= low) & (more.readings <= high)).all()
     assert few.sigma_before == more.sigma_before < 10.0
     assert more.sigma_after < few.sigma_after < few.sigma_before
+
+
+def test_poses_of_a_body_before_a_tracker_are_chosen_by_places():
+    data = one_arm(1, joints=3, markers=2, poses=25).data
+    model = body_model(calibrate_tree(data, effects=()))
+    few, more = (choose_next_body_poses(model, data, n, np.random.default_rng(0)) for n in (3, 12))
+    assert few.unit == "m"
+    assert more.sigma_after < few.sigma_after < few.sigma_before == more.sigma_before < 2e-3
 
 
 @pytest.mark.slow
