@@ -1,5 +1,6 @@
 """The third stage of the mirror test: verdicts on learned shapes."""
 
+import tracemalloc
 from types import SimpleNamespace
 
 import numpy as np
@@ -114,6 +115,18 @@ def test_places_are_nearest_to_the_lines_between_their_links_joints():
     found = skeleton.distances(np.array([[0.5, 0.2, 0.0], [2.0, 0.0, 0.0], [0.0, 1.5, 0.0]]))
     np.testing.assert_allclose(found[:, 0], [0.2, 1.0, 1.5])
     np.testing.assert_allclose(found[[2], 1], [0.5])
+
+
+def test_distances_of_a_whole_grid_take_little_more_memory_than_they_are():
+    rng = np.random.default_rng(1)
+    lines, points = rng.standard_normal((33, 2, 3)), rng.standard_normal((20_000, 3))
+    skeleton = Skeleton(tuple("abcdefghijklmnopqrstuvwxyzABCDEFG"), lines)
+    tracemalloc.start()
+    found = skeleton.distances(points)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert found.shape == (20_000, 33)
+    assert most < 3 * found.nbytes
 
 
 @pytest.mark.parametrize(("looks", "lost"), [(FEWEST, False), (FEWEST - 1, True)])

@@ -1,8 +1,7 @@
 """Stages 5 to 8 of the mirror test, for head and chest: marks, their place, and their removal."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,11 +147,10 @@ def check_marks(trials: int, robots: int) -> None:
         )
 
 
-def _trials(known: Knowing, kinds: Sequence[str], stage: Stage) -> list[tuple[MarkTrial, Pair]]:
-    """Make one robot's trials on one station."""
+def _trials(known: Knowing, kinds: Sequence[str], stage: Stage) -> Iterator[tuple[MarkTrial, Pair]]:
+    """Make one robot's trials on one station, one after the other: looks are large."""
     robot = known.robot
     nico = rendered(robot, ImageQuality())
-    found: list[tuple[MarkTrial, Any]] = []
     marks = 0
     with BodyImage(nico.arm, robot.model) as image, NicoStation(
         robot.world, robot.seed, _DAY, arm=nico.arm, quality=nico.quality,
@@ -163,6 +161,5 @@ def _trials(known: Knowing, kinds: Sequence[str], stage: Stage) -> list[tuple[Ma
             remove = kind == MARK and marks % REMOVALS == 0
             marks += kind == MARK
             rng = np.random.default_rng((robot.seed, 47, k))
-            found.append(session.trial(kind, remove, rng))
+            yield session.trial(kind, remove, rng)
             stage("looking for marks", k + 1, len(kinds))
-    return found

@@ -1,6 +1,6 @@
 """Stage 4 of the mirror test, for head and chest: an unmarked body does not surprise."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,8 +68,7 @@ def run_unmarked(
     for i, known in enumerate(robots):
         stage = of_robot(progress, i, len(robots))
         for k, light in enumerate(LIGHTS):
-            pairs, links = _look(known, light, len(range(k, looks, len(LIGHTS))))
-            for pair in pairs:
+            for pair, links in _look(known, light, len(range(k, looks, len(LIGHTS)))):
                 done.append(_counted(known.robot.seed, light, pair, links))
                 stage("looking at itself", len(done) - i * looks, looks)
                 shown = shown or pair
@@ -79,8 +78,8 @@ def run_unmarked(
 
 def _look(
     known: Knowing, light: float, count: int
-) -> tuple[list[tuple[MirrorLook, MirrorLook]], Mapping[int, str]]:
-    """Look at oneself in one light, at poses drawn anew; and return the links by number."""
+) -> Iterator[tuple[tuple[MirrorLook, MirrorLook], Mapping[int, str]]]:
+    """Look at oneself in one light, at poses drawn anew; with the links by number."""
     robot = known.robot
     nico = rendered(robot, ImageQuality(gain=light))
     before = NicoBeforeMirrors(nico, {MIRROR: DEFAULT_MIRROR}, plate=known.before.plate)
@@ -91,8 +90,9 @@ def _look(
         looks = MirrorLooks(
             station, image, robot.model, mirror, view.X_BM, unknown=known.unknown[MIRROR]
         )
-        commands = rng.choice(known.poses[MIRROR], count)
-        return [looks.look(command) for command in commands], dict(image.links)
+        links = dict(image.links)
+        for command in rng.choice(known.poses[MIRROR], count):
+            yield looks.look(command), links
 
 
 def _counted(

@@ -84,11 +84,15 @@ class Skeleton:
 
     def distances(self, p_WQ: NDArray) -> NDArray:
         """Return how far points are from all lines [m]. Shape (N, 3) -> (N, lines)."""
-        start, way = self.lines[:, 0], self.lines[:, 1] - self.lines[:, 0]
-        off = p_WQ[:, None] - start
-        along = np.einsum("nlk,lk->nl", off, way) / np.maximum(np.sum(way**2, axis=1), 1e-12)
-        foot = np.clip(along, 0.0, 1.0)[..., None] * way
-        return np.linalg.norm(off - foot, axis=2)
+        # Line by line: all at once a grid's points would take gigabytes.
+        return np.stack([_apart(p_WQ, *line) for line in self.lines], axis=1)
+
+
+def _apart(p_WQ: NDArray, start: NDArray, end: NDArray) -> NDArray:
+    """Return how far points are from a line between two [m]. Shape (N, 3) -> (N,)."""
+    way, off = end - start, p_WQ - start
+    along = off @ way / max(float(way @ way), 1e-12)
+    return np.linalg.norm(off - np.clip(along, 0.0, 1.0)[:, None] * way, axis=1)
 
 
 def carried(tree: KinematicTree, link: str, whole: Sequence[str]) -> str:
