@@ -42,6 +42,7 @@ def test_what_is_wrong_is_one_line(command, model, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_recordings_take_cameras_with_a_fisheye(command, tmp_path):
     X = np.eye(4)
     X[0, 3] = 0.1
