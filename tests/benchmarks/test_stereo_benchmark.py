@@ -6,9 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
+from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.estimation.cameras.camera_adjustment import Adjustment
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+from nico_selfmodel.vision.boards.chessboard import Board
 
 from ..estimation.real_boards import stereo_chessboard
 from ..estimation.simulated_boards import boards, pictures
@@ -131,3 +133,37 @@ def test_refining_13_boards_of_54_corners_takes_at_most_50_ms(views, benchmark):
     assert cost == pytest.approx(learned.cost, rel=1e-6)
     assert all(each.solution.solution.converged for each in done)
     assert benchmark.stats["min"] <= 50e-3
+
+
+def test_finding_and_judging_boards_and_a_pair_takes_at_most_2_4_times_opencvs(real_data_folder):
+    folder = real_data_folder / "stereo_chessboard"
+    sides = [
+        [cv2.imread(str(path), 0) for path in sorted(folder.glob(f"{side}*.jpg"))]
+        for side in ("left", "right")
+    ]
+    board, size = Board(9, 6, 0.025), (640, 480)
+    search = cv2.CALIB_CB_ADAPTIVE_THRESH + cv2.CALIB_CB_NORMALIZE_IMAGE
+    places = [board.points.astype(np.float32)] * len(sides[0])
+    names = tuple(map(str, range(len(sides[0]))))
+
+    def ours():
+        seen = [[board.find(image, 11).corners for image in images] for images in sides]
+        pixels = np.concatenate(seen, axis=2)
+        views = BoardViews(board.points, names, ("left", "right"), pixels, (size, size))
+        return calibrate_cameras(views)
+
+    def opencvs():
+        corners = []
+        for images in sides:
+            found = [cv2.findChessboardCorners(one, (9, 6), flags=search)[1] for one in images]
+            for image, each in zip(images, found, strict=True):
+                cv2.cornerSubPix(image, each, (11, 11), (-1, -1), (3, 30, 0.1))
+            corners.append(found)
+        alone = [cv2.calibrateCamera(places, each, size, None, None)[1:3] for each in corners]
+        (K, d), (k, e) = alone
+        flags = cv2.CALIB_USE_INTRINSIC_GUESS
+        return cv2.stereoCalibrate(places, *corners, K, d, k, e, size, flags=flags, criteria=END)
+
+    ratio = best_ratio(ours, opencvs, rounds=3)
+    print(f"{ratio:.2f} times OpenCV's")
+    assert ratio <= 2.4

@@ -25,9 +25,9 @@ from .timing import best_ratio, processor_seconds
 pytestmark = pytest.mark.benchmark
 
 COMMAND = "from nico_selfmodel.cli.main import main; main()"
-LIBRARIES = "import typer, rich.table, numpy, pydrake.solvers, yaml"
+LIBRARIES = "import typer, rich.table, numpy, yaml"
 PLAIN_REPORT = """
-import io, jinja2, pydrake.geometry
+import io, jinja2
 from matplotlib.figure import Figure
 figures = [Figure(figsize=(11.0, 4.0)) for _ in range(6)]
 for figure in figures:
@@ -63,7 +63,7 @@ def test_reports_load_matplotlib_in_less_time_than_it_takes_itself():
     quick = "from nico_selfmodel.viz.figures.quick_artists import load_quickly; load_quickly()"
     ours, peer = processor_seconds(python(quick), python("import matplotlib.figure"), rounds=7)
     print(f"{ours:.2f} s, {ours / peer:.2f} times matplotlib's own")
-    assert ours / peer <= 0.88
+    assert ours / peer <= 0.82
 
 
 @pytest.mark.parametrize("report", [False, True])
@@ -75,7 +75,7 @@ def test_learning_an_arm_of_few_poses_takes_little_beside_its_libraries(tmp_path
     peer = python(LIBRARIES + (PLAIN_REPORT if report else ""))
     ours, theirs = processor_seconds(python(COMMAND, *words), peer)
     print(f"{ours:.2f} s, {ours / theirs:.2f} times what its libraries take")
-    assert ours / theirs <= (1.6 if report else 4.0)
+    assert ours / theirs <= (1.5 if report else 5.2)
 
 
 def test_ticks_at_once_are_drawn_in_less_time_than_one_by_one():

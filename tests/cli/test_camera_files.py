@@ -42,10 +42,11 @@ def test_what_is_wrong_is_one_line(command, model, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_recordings_take_cameras_with_a_fisheye(command, tmp_path):
     X = np.eye(4)
     X[0, 3] = 0.1
-    eye = Camera(300.0, 300.0, 320.0, 240.0, (640, 480), k4=1e-3, lens="fisheye")
+    eye = Camera(150.0, 150.0, 160.0, 120.0, (320, 240), k4=1e-3, lens="fisheye")
     save_model(SelfModel("wide", cameras={"left": eye, "right": eye.at(X)}), tmp_path / "eyes.yaml")
     out = tmp_path / "out"
     words = ("record", "--sensor", "stereo-color", "--circle", "0", "--random", "8")

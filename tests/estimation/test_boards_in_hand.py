@@ -58,6 +58,7 @@ def floor_of(found, held):
     return problem.refine(parameters.values_of(true)).cost
 
 
+@pytest.mark.slow
 def test_exact_corners_give_back_lenses_cameras_mirrors_and_boards():
     held = before_two_cameras(0, sigma=0.0, mirrors=(WALL,))
     found = calibrate_tree(held.data)

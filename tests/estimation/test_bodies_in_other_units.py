@@ -38,6 +38,7 @@ def test_joints_in_another_unit_are_named_and_no_others(stated, read, mistaken):
     assert str(raised.value).startswith(f"{names} {verb} read in {read}, not in {stated}")
 
 
+@pytest.mark.slow
 def test_a_joint_that_really_turned_little_is_believed():
     sim = one_arm(12, joints=4, markers=2, poses=40)
     q = sim.readings_true * [1.0, 0.02, 1.0, 1.0]

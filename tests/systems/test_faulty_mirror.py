@@ -58,6 +58,7 @@ def test_markers_in_a_bent_mirror_are_where_light_takes_the_path_of_stationary_l
     assert np.abs(np.array(moved)[found]).max() > 15.0 / abs(radius)
 
 
+@pytest.mark.slow
 def test_a_very_large_radius_shows_what_a_flat_mirror_does():
     flat = MirrorWorld(RIG, SHARP).look(plate_pose(MIRROR), card(HAND))
     large = MirrorWorld(RIG, SHARP, plate=MirrorPlate(radius=1e7)).look(

@@ -33,7 +33,7 @@ def errors(seen, photograph):
     return seen.corners[rows] - photograph.pixels[true]
 
 
-@pytest.mark.parametrize("lens", list(LENSES))
+@pytest.mark.parametrize("lens", slow_rest(list(LENSES), plain=1))
 @pytest.mark.parametrize("count", [1, pytest.param(30, marks=pytest.mark.slow)])
 def test_parts_are_found_where_they_are_and_as_often_as_by_opencv(lens, count):
     rng = np.random.default_rng((count, 5))
