@@ -20,6 +20,7 @@ from nico_selfmodel.estimation.tree.guesses.by_first_body import with_others, wi
 from nico_selfmodel.estimation.tree.guesses.camera_guess import together
 from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints, body_from_points
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
+from nico_selfmodel.geometry.alignment import Alignment
 from nico_selfmodel.geometry.resection import FEWEST, agreeing, cosines, robust_camera_pose
 from nico_selfmodel.geometry.rotation import nearest_rotation
 from nico_selfmodel.geometry.transform import apply, inverse, transform
@@ -167,7 +168,7 @@ def placed_by_known(
 def points_on_known_links(
     data: BodyDataset, blank: BodyTree, rows: SensorRows, seed: int
 ) -> SeenPoints:
-    """Return markers in the frame of a standing camera that saw links with places known on them.
+    """Return three markers of each link with places known on it, in a standing camera's frame.
 
     Args:
         data: The recording.
@@ -183,11 +184,42 @@ def points_on_known_links(
         known = known_on(data, link)
         if known.sum() < FEWEST:
             continue
-        own = np.flatnonzero(known)
+        own = _three_apart(blank, np.flatnonzero(known))
         p_L = np.array([blank.markers[m].X_LA[:3, 3] for m in own.tolist()])
         for sample, X_LC in placed_by_known(data, blank, rows, rng, known).X_WC.items():
             points.append(SeenPoints(np.full(len(own), sample), own, apply(inverse(X_LC), p_L)))
     return _all_of(points)
+
+
+def _three_apart(blank: BodyTree, own: NDArray) -> NDArray:
+    """Return three of some markers that stand for their link: far apart, and on no line."""
+    p = np.array([blank.markers[m].X_LA[:3, 3] for m in own.tolist()])
+    i, j = np.unravel_index(np.argmax(np.sum((p[:, None] - p) ** 2, axis=2)), (len(p), len(p)))
+    along = (p[j] - p[i]) / np.linalg.norm(p[j] - p[i])
+    beside = np.linalg.norm(np.cross(p - p[i], along), axis=1)
+    return own[[i, j, int(np.argmax(beside))]]
+
+
+def with_known_links(data: BodyDataset, tree: BodyTree, located: NDArray) -> BodyTree:
+    """Return a body with all markers of known places on links, by three of each that are located.
+
+    Args:
+        data: The recording.
+        tree: A body with these three where they were found.
+        located: Which markers they are.
+    """
+    markers = list(tree.markers)
+    for link in data.joint_names:
+        known = known_on(data, link)
+        own = [m for m in located.tolist() if known[m]]
+        if len(own) < len(_CORNERS):
+            continue
+        told = np.array([marker.xyz or (0.0, 0.0, 0.0) for marker in data.markers])
+        found = Alignment.from_points(told[own], np.array([markers[m].X_LA[:3, 3] for m in own]))
+        at = told @ found.rotation.T + found.translation
+        for m in np.flatnonzero(known).tolist():
+            markers[m] = replace(markers[m], X_LA=transform(markers[m].X_LA[:3, :3], at[m]))
+    return tree.with_markers(tuple(markers))
 
 
 def pose_before(p: NDArray, rays: NDArray, rng: np.random.Generator) -> tuple[NDArray, NDArray]:

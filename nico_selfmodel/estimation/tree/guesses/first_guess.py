@@ -29,6 +29,7 @@ from nico_selfmodel.estimation.tree.guesses.carried_cameras import (
     known_places,
     points_on_known_links,
     reconstructed_by,
+    with_known_links,
 )
 from nico_selfmodel.estimation.tree.guesses.flange_guess import from_flange
 from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints, body_from_points
@@ -121,6 +122,8 @@ def _from_nothing(
     else:
         _refuse_cameras(data, cameras)
     tree = _by_cameras(data, blank, cameras, places, points, seed)
+    if len(cameras) == 1:
+        tree = with_known_links(data, tree, np.unique(points.marker))
     tree = _with_carried(data, tree, observations, seed)
     return with_orientations(data, tree, observations)
 
