@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.folder import content_hash
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.estimation.results.verdict import Verdict
 from nico_selfmodel.viz.reports.arm import arm_report
 
-from .conftest import JOINTS, OUTLIERS
+from .conftest import JOINTS, OUTLIERS, poses, recorded
 from .page import LOADING, Page
 
 
@@ -133,6 +134,14 @@ def test_nothing_is_loaded_from_anywhere(page, part):
 
 def test_the_page_takes_less_than_two_megabytes(html):
     assert len(html) < 2e6
+
+
+@pytest.mark.slow
+def test_the_page_of_a_thousand_poses_takes_less_than_two_megabytes():
+    rng = np.random.default_rng(9)
+    many = calibrate_kinematics(recorded("many", *poses(25, 900, rng), rng))
+    assert len(many.train.observations) > 1000
+    assert len(arm_report(many, to_json(many, judge(many))).html()) < 2e6
 
 
 def test_the_page_itself_names_no_address_and_runs_no_script(html, page):
