@@ -117,7 +117,7 @@ def _missed(row: dict[str, Any]) -> list[str]:
             f"{link} is {row['median_mm']:.1f} mm off (median, bound {MEDIAN:g}) and "
             f"{row['p90_mm']:.1f} mm (90 of 100, bound {P90:g})"
         )
-    if row["rms_sigma_most"] < HONEST[0] or row["rms_sigma_least"] > HONEST[1]:
+    if not HONEST[0] <= row["rms_sigma"] <= HONEST[1]:
         reasons.append(
             f"{link} is off by {row['rms_sigma']:.2f} times its sigma ({_range(row)} in 99 of 100 "
             f"cases), bounds {HONEST[0]:g} and {HONEST[1]:g}"
