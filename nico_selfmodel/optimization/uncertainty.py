@@ -162,7 +162,7 @@ class Uncertainty:
         factor = squared_residuals / redundancy if redundancy > 0 else np.nan
         spread = np.sqrt(factor) if redundancy > 0 else 1.0
         scaled = jacobian * natural
-        if scatter is not None:
+        if scatter is not None and scatter.any():
             scaled, spread = _as_told(scaled, scatter), 1.0
         # The triangular factor holds all there is to know of a tall matrix.
         triangle = np.linalg.qr(scaled, mode="r") if len(scaled) > len(names) else scaled

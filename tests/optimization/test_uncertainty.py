@@ -85,6 +85,13 @@ def test_the_covariance_is_the_spread_of_regressions_whose_rows_scatter_as_they_
     assert (spread[1] / np.mean(plain) > 1.4) != alike
 
 
+def test_residuals_of_nothing_leave_no_doubt():
+    a = regression(8)
+    found = Uncertainty.from_jacobian(NAMES, a, np.full(4, 1e3), 0.0, 30, np.zeros(30))
+    assert (found.rank, found.unobservable) == (4, ())
+    assert np.abs(found.covariance).max() == 0.0
+
+
 def test_what_nothing_determines_stays_so_whatever_rows_scatter_by():
     a = regression(6)
     a[:, 3] = a[:, 0]

@@ -41,7 +41,7 @@ _EXACT = 1e-9
 _PER_PARAMETER = 20
 """Residuals for each parameter from which on they tell how they scatter one by one."""
 _LEAST_LEFT = 0.1
-"""Share of a residual that is not taken up by what it alone tells, at least."""
+"""Share of a residual, at least, that counts as not taken up by what it alone tells."""
 SUSPICIOUS = 3.0
 """A board whose rms is this many times the median one makes a robust solution worth its time."""
 
@@ -305,12 +305,20 @@ class Adjustment:
 
         With the leverage h of the hat matrix that is unbiased where all are alike (MacKinnon,
         White 1985: HC2). Priors are as they are stated.
+
+        Args:
+            parts: Where the adjustment ended, views that do not count among them.
+            jacobian: By the free camera parameters, boards eliminated; zero of these views.
+                Shape (V k, s).
+            priors: Number of priors.
+
+        Returns:
+            Shape (V k + priors,).
         """
         e2 = parts[0].ravel() ** 2
         q = np.linalg.qr(jacobian)[0]
         h = SeparableBlock.own_leverage(parts) + np.sum(q * q, axis=1)
-        found = e2 / np.maximum(1.0 - h, _LEAST_LEFT)
-        return np.append(np.maximum(found, _EXACT * found.mean()), np.ones(priors))
+        return np.append(e2 / np.maximum(1.0 - h, _LEAST_LEFT), np.ones(priors))
 
 
 def _rational_priors(

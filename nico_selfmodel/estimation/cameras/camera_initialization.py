@@ -1,4 +1,4 @@
-"""Closed-form starts of a camera calibration: Zhang's method and the pair's relative pose."""
+"""Closed-form starts of a camera calibration: Zhang's method, lenses, the pair's relative pose."""
 
 from dataclasses import replace
 
@@ -102,6 +102,9 @@ def rational_like(fisheye: Camera, pixels: NDArray) -> Camera:
     Args:
         fisheye: The fisheye.
         pixels: Corners, nan where not seen. Shape (..., 2).
+
+    Returns:
+        A camera with the same focal lengths and centre; without bends if no fraction will do.
     """
     axis = fisheye.directions(pixels[np.isfinite(pixels[..., 0])])[:, 2]
     widest = float(np.arccos(np.nanmin(axis, initial=1.0)))
