@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.vision.boards.board_detection import BoardDetection, Ink, grid_points
 from nico_selfmodel.vision.boards.corner_order import same_order
-from nico_selfmodel.vision.boards.stray_corners import BoardBehindLens, stray_points
+from nico_selfmodel.vision.boards.exact_corners import without_strays
+from nico_selfmodel.vision.boards.stray_corners import BoardBehindLens
 from nico_selfmodel.vision.images.image_array import detectable, reduced
 from nico_selfmodel.vision.images.not_seen import NotSeen
 
@@ -108,8 +109,9 @@ class CircleGrid:
         rough = self._rough(gray)
         if rough is None:
             return NotSeen(f"{METHOD} found no {self} grid")
+        size = (gray.shape[1], gray.shape[0])
         try:
-            centres = self._without_stray(self._centred(gray, rough), gray)
+            centres = without_strays(self.points[:, :2], self._centred(gray, rough), size)
         except ValueError:  # circles on one line have no homography
             return NotSeen(f"no {self} grid but scattered spots")
         lost = np.isnan(centres[:, 0])
@@ -120,17 +122,6 @@ class CircleGrid:
                 f"{u:.0f}, {v:.0f}): the image's edge, glare, a shadow or dirt"
             )
         return BoardDetection(self, read_only(centres), METHOD, None)
-
-    def _without_stray(self, centres: NDArray, gray: NDArray) -> NDArray:
-        """Return centres without those that lie where the others cannot have them."""
-        board, size = self.points[:, :2], (gray.shape[1], gray.shape[0])
-        kept = np.flatnonzero(np.isfinite(centres[:, 0]))
-        while len(kept) >= (1.0 - _LOST) * len(board):
-            stray = stray_points(board[kept], centres[kept], size)
-            if not stray.any():
-                break
-            kept = kept[~stray]
-        return np.where(np.isin(np.arange(len(board)), kept)[:, None], centres, np.nan)
 
     def _rough(self, gray: NDArray) -> NDArray | None:
         """Return centres as OpenCV sees them; None where it sees no grid. Shape (P, 2)."""
