@@ -1,5 +1,7 @@
 """Errors on poses that a model has not seen, from the training data alone."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,7 +10,7 @@ from nico_selfmodel.estimation.noise.pose_refinement import PoseWhitened, arm_pr
 from nico_selfmodel.estimation.noise.pose_sums import PoseSums
 from nico_selfmodel.estimation.observations.hand_residuals import DhResiduals
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.estimation.results.folds import FOLDS, splits, told_step
+from nico_selfmodel.estimation.results.folds import FOLDS, Fold, cross_validate, splits, told_step
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 
 _LARGEST_STEP = 0.3
@@ -17,7 +19,9 @@ _SHIFT, _NO_PART = 1e-4, 1e-2
 """How far what a fold alone tells is moved [rad or m], and the share of it that counts as none."""
 
 
-def cross_validate(observations: Observations, solved: ArmSolution, folds: int = FOLDS) -> NDArray:
+def cross_validate_arm(
+    observations: Observations, solved: ArmSolution, folds: int = FOLDS
+) -> NDArray:
     """Predict each pose by a model refined without its fold.
 
     Whole poses are left out, in turn; outliers take no part. The minimum without a fold is one
@@ -38,32 +42,56 @@ def cross_validate(observations: Observations, solved: ArmSolution, folds: int =
         observations, solved.parameters, solved.free, ~solved.outliers, solved.noise, folds
     )
     inliers, fold = observations.select(~solved.outliers), sums.fold
-    fewest = min((int(rest.sum()) for rest, _ in splits(fold)), default=0)
+    fewest = min((int(part.rest.sum()) for part in splits(fold)), default=0)
     if fold.max(initial=0) < folds - 1 or 3 * fewest <= len(solved.free):
         return np.zeros(0)
-    chosen = [i for i, name in enumerate(solved.parameters.names) if name in solved.free]
-    known = np.diag(information_of(solved.parameters, chosen, solved.priors))
-    size = np.sqrt(np.diag(sums.H.sum(axis=0) + known))
-    errors = np.zeros(len(inliers))
-    for k in range(folds):
-        rest = sums.H[:k].sum(axis=0) + sums.H[k + 1 :].sum(axis=0) + known
+    without = _WithoutFold(inliers, solved, sums)
+    return cross_validate(fold, without.learn, without.errors)
+
+
+@dataclass(frozen=True, eq=False)
+class _WithoutFold:
+    """Arms refined without a fold, and what they say of it."""
+
+    inliers: Observations
+    solved: ArmSolution
+    sums: PoseSums
+
+    def learn(self, part: Fold) -> tuple[DhParameters, NDArray]:
+        """Return the arm that the other folds tell, and the directions that they do not. (p, e)."""
+        sums, chosen, solved = self.sums, self._chosen, self.solved
+        known = np.diag(information_of(solved.parameters, chosen, solved.priors))
+        size = np.sqrt(np.diag(sums.H.sum(axis=0) + known))
+        others = np.arange(len(sums.H)) != part.number
+        rest = sums.H[others].sum(axis=0) + known
         # At the minimum of all, the gradient of the rest, -U'u, is the fold's own U'u.
-        step, open_ways = told_step(rest, sums.g[k], size)
-        values = solved.parameters.values.copy()
-        values[chosen] += step
-        parameters = solved.parameters.with_values(values)
-        if step @ rest @ step > _LARGEST_STEP**2 * sums.coordinates[np.arange(folds) != k].sum():
-            parameters = _refit(inliers.select(fold != k), parameters, solved)
-        left = inliers.select(fold == k)
+        step, open_ways = told_step(rest, sums.g[part.number], size)
+        parameters = self._moved(solved.parameters, step)
+        if step @ rest @ step > _LARGEST_STEP**2 * sums.coordinates[others].sum():
+            parameters = _refit(self.inliers.select(part.rest), parameters, solved)
+        return parameters, open_ways
+
+    def errors(self, learned: tuple[DhParameters, NDArray], part: Fold) -> NDArray:
+        """Return the errors of a fold [m], nan where they hang on what it alone tells. (n,)."""
+        parameters, open_ways = learned
+        left = self.inliers.select(part.left)
         predicted = parameters.points(left.angles, left.marker, left.approach)
-        errors[fold == k] = np.linalg.norm(predicted - left.p_WH, axis=1)
+        errors = np.linalg.norm(predicted - left.p_WH, axis=1)
         for way in open_ways.T:
-            moved = parameters.values.copy()
-            moved[chosen] += _SHIFT * way / np.abs(way).max()
-            there = parameters.with_values(moved).points(left.angles, left.marker, left.approach)
-            off = np.linalg.norm(there - predicted, axis=1) > _NO_PART * _SHIFT
-            errors[np.flatnonzero(fold == k)[off]] = np.nan
-    return errors
+            moved = self._moved(parameters, _SHIFT * way / np.abs(way).max())
+            there = moved.points(left.angles, left.marker, left.approach)
+            errors[np.linalg.norm(there - predicted, axis=1) > _NO_PART * _SHIFT] = np.nan
+        return np.asarray(errors)
+
+    @property
+    def _chosen(self) -> list[int]:
+        names = self.solved.parameters.names
+        return [i for i, name in enumerate(names) if name in self.solved.free]
+
+    def _moved(self, parameters: DhParameters, step: NDArray) -> DhParameters:
+        values = parameters.values.copy()
+        values[self._chosen] += step
+        return parameters.with_values(values)
 
 
 def _refit(rest: Observations, start: DhParameters, solved: ArmSolution) -> DhParameters:

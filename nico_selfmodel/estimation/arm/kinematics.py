@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.held_out import held_out_of
-from nico_selfmodel.estimation.arm.cross_validation import cross_validate
+from nico_selfmodel.estimation.arm.cross_validation import cross_validate_arm
 from nico_selfmodel.estimation.arm.evaluation import Evaluation, evaluate
 from nico_selfmodel.estimation.arm.kinematic_task import KinematicTask
 from nico_selfmodel.estimation.arm.learned_model import learned_model, training_of
@@ -193,7 +193,7 @@ def calibrate_kinematics(
         asked = effects if not contradicted else None  # no bend shall explain a wrong value
         ladder = climb(BendingArm(task.sample, solved, up, pins.names, trim, seed), asked)
         solved = _on_all(task, ladder, trim)
-        unseen = cross_validate(task.observations, solved)
+        unseen = cross_validate_arm(task.observations, solved)
     doubts = _Doubts.of(task, solved)
     causes = Causes()
     if search is not None and explain and task.redundant:

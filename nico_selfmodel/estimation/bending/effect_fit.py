@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.bending.bendable import Bendable, Posture, Weighed
 from nico_selfmodel.estimation.bending.effect_sums import Reduced, Sums
 from nico_selfmodel.estimation.noise.arm_solution import Priors
-from nico_selfmodel.estimation.results.folds import fold_of, splits
+from nico_selfmodel.estimation.results.folds import Fold, cross_validate, fold_of
 
 DOUBT = 0.5
 """Numbers more that each effect has in a body that bends."""
@@ -335,14 +335,17 @@ class _Task:
     def without_folds(self, judged: "_Judged") -> NDArray:
         """Return errors of rows that count, each predicted without its fold of poses. (K,)."""
         weighed, columns = judged.weighed, list(judged.columns)
-        fold = fold_of(weighed.pose)
-        errors, step = np.zeros(len(fold)), np.zeros(len(weighed.free))
-        for k, (_, left) in enumerate(splits(fold)):
-            reduced = judged.sums.without(k).reduced(self.member, self.share)
+
+        def learn(part: Fold) -> NDArray:
+            reduced = judged.sums.without(part.number).reduced(self.member, self.share)
             whole = reduced.whole(reduced.solve(self.start, judged.variance)[1])
+            step = np.zeros(len(weighed.free))
             step[columns] = whole[: len(columns)]
-            errors[left] = weighed.errors(step, left)
-        return errors
+            return step
+
+        return cross_validate(
+            fold_of(weighed.pose), learn, lambda step, part: weighed.errors(step, part.left)
+        )
 
 
 @dataclass(frozen=True, eq=False)

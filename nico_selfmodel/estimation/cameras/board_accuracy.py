@@ -13,7 +13,7 @@ from nico_selfmodel.estimation.cameras.camera_calibration import FEWEST_VIEWS, c
 from nico_selfmodel.estimation.cameras.camera_initialization import pose_of_seen_boards
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.cameras.rig_start import rig_links
-from nico_selfmodel.estimation.results.folds import fold_of, splits
+from nico_selfmodel.estimation.results.folds import cross_validate, fold_of, splits
 from nico_selfmodel.geometry.alignment import Alignment
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
@@ -123,13 +123,14 @@ def cross_validate_cameras(
     views = calibration.views
     kept = views.select(inliers)
     fold = _folds(kept)
-    if not fold.size or not all(_suffices(kept.select(rest)) for rest, _ in splits(fold)):
+    if not fold.size or not all(_suffices(kept.select(part.rest)) for part in splits(fold)):
         return np.zeros((0, len(views.p_GQ), 2 * len(views.cameras)))
-    found, X_LG = np.full(kept.pixels.shape, np.nan), calibration.X_LG[inliers]
-    for rest, left in splits(fold):
-        cameras = cameras_of_fewer(calibration, kept.select(rest), options)
-        found[left] = held_out_residuals(cameras, kept.select(left), X_LG[left])
-    return found
+    X_LG = calibration.X_LG[inliers]
+    return cross_validate(
+        fold,
+        lambda part: cameras_of_fewer(calibration, kept.select(part.rest), options),
+        lambda cameras, part: held_out_residuals(cameras, kept.select(part.left), X_LG[part.left]),
+    )
 
 
 def _folds(views: BoardViews) -> NDArray:

@@ -10,7 +10,7 @@ from nico_selfmodel.estimation.mirrors.mirror_solution import MirrorSolution, so
 from nico_selfmodel.estimation.mirrors.reflection_residuals import project_reflections, values_of
 from nico_selfmodel.estimation.mirrors.reflections import Reflections
 from nico_selfmodel.estimation.results.errors import ErrorStatistics
-from nico_selfmodel.estimation.results.folds import fold_of, splits
+from nico_selfmodel.estimation.results.folds import Fold, cross_validate, fold_of
 from nico_selfmodel.model.cameras.mirror import Mirror
 
 
@@ -95,13 +95,18 @@ def cross_validate_mirrors(solution: MirrorSolution) -> MirrorEvaluation | None:
     fold = _folds(kept)
     if fold is None:
         return None
-    residuals, rebuilt = np.full(kept.pixels.shape, np.nan), np.full((len(kept), 3), np.nan)
-    for rest, left in splits(fold):
-        start, noise = solution.mirrors, solution.noise
-        learned = solve_mirrors(kept.select(rest), start, noise, "none").mirrors
-        found = MirrorEvaluation.from_reflections(kept.select(left), learned)
-        residuals[left], rebuilt[left] = found.residuals, found.p_LQ_rebuilt
-    return MirrorEvaluation(kept, residuals, rebuilt)
+
+    def learn(part: Fold) -> tuple[Mirror, ...]:
+        return solve_mirrors(
+            kept.select(part.rest), solution.mirrors, solution.noise, "none"
+        ).mirrors
+
+    def predict(mirrors: tuple[Mirror, ...], part: Fold) -> NDArray:
+        found = MirrorEvaluation.from_reflections(kept.select(part.left), mirrors)
+        return np.column_stack([found.residuals, found.p_LQ_rebuilt])
+
+    found = cross_validate(fold, learn, predict)
+    return MirrorEvaluation(kept, found[:, :-3], found[:, -3:])
 
 
 def _folds(reflections: Reflections) -> NDArray | None:

@@ -18,7 +18,7 @@ from nico_selfmodel.estimation.noise.hand_observations import hand_observations_
 from nico_selfmodel.estimation.observations.parameter_scales import parameter_scales_of
 from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
 from nico_selfmodel.estimation.observations.pixel_observations import columns_of
-from nico_selfmodel.estimation.results.folds import fold_of, splits
+from nico_selfmodel.estimation.results.folds import Fold, by_fold, fold_of
 from nico_selfmodel.model.self_model import SelfModel
 
 
@@ -116,14 +116,19 @@ def _cross_validate(
     """Return the errors of poses, each by a body learned without it; None with too few of them."""
     learn = learn_with_prior if with_prior else learn_block
     scales = parameter_scales_of(before, names)
-    errors = []
-    for others, own in splits(fold_of(poses)):
-        try:
-            kept = train.select(np.isin(train.sample, poses[others]))
-            rest = hand_observations_of(before, kept, sensor)
-            model = learn(before, rest, names, scales=scales, loss="none").model
-        except (DataError, NotIdentifiableError):
-            return None
-        left = train.select(np.isin(train.sample, poses[own]))
-        errors.append(HeldAgainst.of(model, left, sensor).errors)
-    return np.concatenate(errors) if errors else None
+
+    def of(chosen: NDArray) -> Dataset:
+        return train.select(np.isin(train.sample, poses[chosen]))
+
+    def learned_without(part: Fold) -> SelfModel:
+        rest = hand_observations_of(before, of(part.rest), sensor)
+        return learn(before, rest, names, scales=scales, loss="none").model
+
+    def errors(model: SelfModel, part: Fold) -> NDArray:
+        return HeldAgainst.of(model, of(part.left), sensor).errors
+
+    try:
+        found = [own for _, own in by_fold(fold_of(poses), learned_without, errors)]
+    except (DataError, NotIdentifiableError):
+        return None
+    return np.concatenate(found) if found else None

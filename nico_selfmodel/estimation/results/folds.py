@@ -1,9 +1,13 @@
-"""Folds of cross-validation: which observations are left out together."""
+"""Cross-validation: each observation predicted by what was learned without its fold."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+Learned = TypeVar("Learned")
 
 FOLDS = 5
 _TOLD = 1e-11
@@ -24,11 +28,58 @@ def fold_of(groups: NDArray, folds: int = FOLDS) -> NDArray:
     return of % min(folds, int(of.max(initial=0)) + 1)
 
 
-def splits(fold: NDArray) -> Iterator[tuple[NDArray, NDArray]]:
-    """Yield the rows to learn from and the rows left out, fold by fold. Boolean, shape (N,)."""
-    for k in range(int(fold.max(initial=-1)) + 1):
-        left = fold == k
-        yield ~left, left
+@dataclass(frozen=True, eq=False)
+class Fold:
+    """Observations that are left out together."""
+
+    number: int
+    """From 0."""
+    left: NDArray
+    """Rows that are left out. Boolean, shape (N,)."""
+
+    @property
+    def rest(self) -> NDArray:
+        """Rows to learn from. Boolean, shape (N,)."""
+        return ~self.left
+
+
+def splits(fold: NDArray) -> tuple[Fold, ...]:
+    """Return the folds of rows, by number; rows of none (-1) are always learned from. (N,)."""
+    return tuple(Fold(k, fold == k) for k in range(int(fold.max(initial=-1)) + 1))
+
+
+def by_fold(
+    fold: NDArray,
+    learn: Callable[[Fold], Learned],
+    predict: Callable[[Learned, Fold], NDArray],
+) -> Iterator[tuple[Fold, NDArray]]:
+    """Yield each fold beside what is predicted of it by what was learned without it.
+
+    Args:
+        fold: Of each row, as from `fold_of`. Shape (N,).
+        learn: Return what the rows tell that are not left out.
+        predict: Return what that says of the rows that are.
+    """
+    for part in splits(fold):
+        yield part, predict(learn(part), part)
+
+
+def cross_validate(
+    fold: NDArray,
+    learn: Callable[[Fold], Learned],
+    predict: Callable[[Learned, Fold], NDArray],
+) -> NDArray:
+    """Predict each row by what was learned without its fold: `by_fold`, row by row.
+
+    Returns:
+        The predictions, nan for rows of no fold. Shape (N, ...); (N,) without folds.
+    """
+    out: NDArray | None = None
+    for part, own in by_fold(fold, learn, predict):
+        if out is None:
+            out = np.full((len(fold), *own.shape[1:]), np.nan)
+        out[part.left] = own
+    return np.full(len(fold), np.nan) if out is None else out
 
 
 def told_step(H: NDArray, g: NDArray, unit: NDArray) -> tuple[NDArray, NDArray]:

@@ -29,7 +29,7 @@ from nico_selfmodel.estimation.tree.contradictions.wrong_units import start_in_s
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.guesses.lens_guess import PARTS, guessed_lenses
 from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart, agreeing, searched_start
-from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, cross_validated, errors_of
+from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, cross_validate_tree, errors_of
 from nico_selfmodel.estimation.tree.tree_noise import names_of_noise
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
@@ -304,7 +304,7 @@ def _finished(
         ladder.in_doubt(_uncertainty(problem, solution, setup), ladder.solution.posture),
         TreeErrors(residuals.observations, residuals.residuals(solution.values)),
         None if test is None else errors_of(tree, test),
-        cross_validated(problem, solution, residuals),
+        cross_validate_tree(problem, solution, residuals),
         described,
         start.label,
         len(costs),

@@ -1,7 +1,7 @@
 """What a body leaves of a recording: residuals by observation, of what it learned and of more."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from nico_selfmodel.dataset.body.sensors import (
     MarkerInfo,
 )
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.results.folds import FOLDS, fold_of, splits, told_step
+from nico_selfmodel.estimation.results.folds import FOLDS, Fold, cross_validate, fold_of, told_step
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
@@ -169,7 +169,7 @@ def told_as(tree: BodyTree, data: BodyDataset) -> BodyDataset:
     return replace(data, markers=markers, observations=new)
 
 
-def cross_validated(
+def cross_validate_tree(
     problem: TreeProblem, solution: TreeSolution, residuals: TreeResiduals
 ) -> TreeErrors | None:
     """Return residuals of inliers by bodies learned without their fold of poses.
@@ -187,44 +187,52 @@ def cross_validated(
     pose = observations.pose
     if len(np.unique(pose)) < 2 * FOLDS:
         return None
-    out = residuals.residuals(solution.values)
-    for left, values, told in without_folds(problem, solution, fold_of(pose)):
-        out[left] = np.where(told, residuals.residuals(values), np.nan)[left]
+
+    def predict(learned: tuple[NDArray, NDArray], part: Fold) -> NDArray:
+        values, told = learned
+        return np.where(told, residuals.residuals(values), np.nan)[part.left]
+
+    without = WithoutFold(problem, solution)
+    out = cross_validate(fold_of(pose), without.learn, predict)
     out[solution.outliers[observations.row]] = np.nan
     return TreeErrors(observations, out)
 
 
-def without_folds(
-    problem: TreeProblem, solution: TreeSolution, fold: NDArray
-) -> Iterator[tuple[NDArray, NDArray, NDArray]]:
-    """Yield what is left out, the values that were learned without it, and what these tell of.
+@dataclass(frozen=True, eq=False)
+class WithoutFold:
+    """Bodies learned without a fold: one Gauss-Newton step from the solution, the rest is small."""
 
-    One Gauss-Newton step from the solution, by the whitened rows that are left: the rest is small.
+    problem: TreeProblem
+    """What was solved."""
+    solution: TreeSolution
+    """Where it ended, with its whitened rows."""
 
-    Args:
-        problem: What was solved.
-        solution: Where it ended.
-        fold: Of each scalar, -1 of what is never left out. Shape (R,).
+    def learn(self, part: Fold) -> tuple[NDArray, NDArray]:
+        """Return all values, shape (P,), and which scalars hang on nothing but the other folds.
 
-    Yields:
-        Scalars that are left out, boolean, shape (R,), all values, shape (P,), and scalars that
-        depend on nothing but what the other folds tell, boolean, shape (R,).
-    """
-    keep = ~solution.outliers[problem.observations.row]
-    count = int(keep.sum())
-    rows, prior = solution.whitened[:count], solution.whitened[count:]
-    white, pull = solution.rest[:count], solution.rest[count:]
-    unit = np.sqrt(np.sum(solution.whitened**2, axis=0))
-    for learn, left in splits(fold):
-        own = np.column_stack([rows, white])
-        mine = learn[keep]
+        Args:
+            part: A fold of the scalars that the problem has, R.
+
+        Returns:
+            Values of shape (P,), and a mask of shape (R,).
+        """
+        problem, solution = self.problem, self.solution
+        keep = ~solution.outliers[problem.observations.row]
+        count, mine = int(keep.sum()), part.rest[keep]
+        own = np.column_stack([solution.whitened[:count], solution.rest[:count]])
         own = own[mine] if solution.shared is None else solution.shared.of_some(own, mine)
+        prior, pull = solution.whitened[count:], solution.rest[count:]
         H = own[:, :-1].T @ own[:, :-1] + prior.T @ prior
         g = own[:, :-1].T @ own[:, -1] + prior.T @ pull
-        step, open_ways = told_step(H, g, unit)
+        step, open_ways = told_step(H, g, self._unit)
         values = solution.values.copy()
         values[problem.columns] += step
-        yield left, values, _told(problem, solution, open_ways)
+        return values, _told(problem, solution, open_ways)
+
+    @cached_property
+    def _unit(self) -> NDArray:
+        """By which parameters compare: see `told_step`. Shape (p,)."""
+        return np.sqrt(np.sum(self.solution.whitened**2, axis=0))
 
 
 def _told(problem: TreeProblem, solution: TreeSolution, open_ways: NDArray) -> NDArray:
