@@ -19,7 +19,7 @@ from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend
 from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boards
 from nico_selfmodel.estimation.tree.compared_errors import usual_errors
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, held_scores
-from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed
+from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed, too_short
 from nico_selfmodel.estimation.tree.contradictions.standing_still import (
     check_that_it_moved,
     dead_encoders,
@@ -284,7 +284,8 @@ def _finished(
         residuals, setup.free, setup.priors, noise, noise_known=known, alike=setup.alike
     )
     rigid = problem.refine(start.values)
-    cause = dead_encoders(data, data.joint_names)
+    told = {name: mean for name, (mean, _) in setup.priors.items()} | dict(setup.fixed)
+    cause = dead_encoders(data, data.joint_names) or too_short(setup.scale_from, told)
     check_that_it_stayed(parameters, start.values, rigid.values, cause)
     ladder = bends(problem, rigid)
     problem, solution = ladder.solution.problem, ladder.solution.solution
