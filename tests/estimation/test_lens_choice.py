@@ -7,14 +7,14 @@ import cv2
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation.cameras import lens_choice
 from nico_selfmodel.estimation.cameras.camera_adjustment import Adjustment
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_initialization import rational_like
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
-from nico_selfmodel.estimation.cameras.lens_choice import lens_of
-from nico_selfmodel.estimation.cameras.lens_misfit import lens_misfits
+from nico_selfmodel.estimation.cameras.lenses import lens_evidence
+from nico_selfmodel.estimation.cameras.lenses.lens_choice import lens_of
+from nico_selfmodel.estimation.cameras.lenses.lens_misfit import lens_misfits
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
@@ -219,17 +219,19 @@ def left_by_a_lens(board_px, left_out):
         pixel_sigma=0.01 / np.sqrt(2.0),
         names=("fx", "fy", "cx", "cy"),
     )
-    return lens_choice._Found(None, calibration, None, np.log(left_out), False)
+    return lens_evidence.LensEvidence(None, calibration, None, np.log(left_out), False)
 
 
 @pytest.mark.parametrize(
     ("spread", "by_corners", "gain", "wrong"),
     [
-        (0.5, 11.0, 0.005, True),
-        (0.5, 9.0, 0.005, False),  # not likelier by far
-        (0.5, 11.0, -0.005, False),  # boards left out lose
-        (4.0, 11.0, 0.005, False),  # boards do not agree
-        (4.0, 11.0, 0.015, True),  # and what is left out gains a hundredth
+        (0.5, 5.1, 0.005, True),
+        (0.5, 4.9, 0.005, False),  # not likelier by far
+        (0.5, 5.1, -0.015, True),  # boards left out lose by chance
+        (0.5, 5.1, -0.035, False),  # boards left out lose
+        (0.66, 5.1, 0.005, True),
+        (0.69, 5.1, 0.005, False),  # boards do not agree
+        (4.0, 5.1, 0.015, True),  # and what is left out gains a hundredth
     ],
 )
 def test_where_left_out_boards_gain_little_the_corners_decide_board_by_board(
@@ -240,8 +242,71 @@ def test_where_left_out_boards_gain_little_the_corners_decide_board_by_board(
     left = np.exp(0.05 * np.array([-1.0, 1.0] * 10))  # what is left out scatters by more
     asked = left_by_a_lens(0.01 * np.sqrt(1.0 + own / 30), 0.01 * np.exp(gain) * left)
     other = left_by_a_lens(np.full(20, 0.01), np.full(20, 0.01))
-    assert lens_choice._unlikelier(asked, other).sum() == pytest.approx(by_corners)
-    assert lens_choice._is_wrong(asked, other) == wrong
+    assert lens_evidence.unlikelier(asked, other).sum() == pytest.approx(by_corners)
+    assert lens_evidence.is_wrong(asked, other) == wrong
+
+
+def test_numbers_that_corners_do_not_need_do_not_count():
+    one, other = (
+        left_by_a_lens(np.full(20, 0.01), np.ones(20)),
+        left_by_a_lens(np.full(20, 0.01), np.ones(20)),
+    )
+    more = replace(one, calibration=SimpleNamespace(**vars(one.calibration) | {"names": "a" * 7}))
+    assert lens_evidence.surplus(more, other) == 3.0
+    assert lens_evidence.surplus(replace(more, simpler=one.calibration), other) == 0.0
+    assert lens_evidence.surplus(other, replace(more, simpler=one.calibration)) == 0.0
+
+
+def test_held_out_corners_that_miss_only_where_nothing_was_learned_are_said_to():
+    _, train, test = scene("polynomial", 1)
+    out = np.linalg.norm(train.pixels - [639.5, 479.5], axis=2, keepdims=True)
+    inside = replace(train, pixels=np.where(out < 250.0, train.pixels, np.nan)).placeable()
+    options = CameraOptions()
+    found = calibrate_cameras(inside, options)
+    reasons = judge(CameraAssessment.from_calibration(found, options, test)).reasons
+    assert any("corners learned from up to 2" in reason for reason in reasons)
+    assert not any("contradict the others" in reason for reason in reasons)
+
+
+@pytest.mark.slow
+def test_a_fraction_that_ends_is_learned_without_what_corners_do_not_need():
+    """The lens has k3 and k6, and no end; boards do not tell them, and chance made a pole."""
+    (camera,), train, test = scene("rational", 322)
+    whole = calibrate_cameras(train, CameraOptions(lens="rational"))
+    assert np.isinf(camera.reach)
+    assert np.isfinite(whole.cameras[0].reach)
+    choice = lens_of(train, CameraOptions(lens="rational"))
+    assert choice.options.pinned == {"left.k3": 0.0, "left.k6": 0.0}
+    assert "without left.k3, left.k6" in choice.tried[0].reason
+    assert np.isinf(choice.calibration.cameras[0].reach)
+    assessment = CameraAssessment.from_calibration(choice.calibration, choice.options, test)
+    sigma = dict(
+        zip(choice.calibration.names, assessment.calibration.uncertainty.sigma, strict=True)
+    )
+    assert np.isinf([value for name, value in sigma.items() if ".k" in name]).all()
+    assert np.isfinite([sigma["left.fx"], sigma["left.cx"]]).all()
+    (reason,) = (r for r in judge(assessment).reasons if "held-out boards" in r)
+    assert reason.startswith("corners of held-out boards 03, 06 lie up to 521 px from the centre")
+    assert "corners learned from up to 492 px" in reason
+    assert not any("contradict" in r or "chessboard" in r for r in judge(assessment).reasons)
+
+
+def test_held_out_boards_that_miss_within_what_was_learned_contradict():
+    _, train, test = scene("polynomial", 1)
+    found = calibrate_cameras(train, CameraOptions())
+    wrong = replace(
+        test, pixels=test.pixels + np.random.default_rng(0).normal(0, 2, test.pixels.shape)
+    )
+    reasons = judge(CameraAssessment.from_calibration(found, CameraOptions(), wrong)).reasons
+    assert any("contradict the others" in reason for reason in reasons)
+    assert not any("told no further out" in reason for reason in reasons)
+
+
+@pytest.mark.slow
+def test_a_fisheye_asked_for_fails_where_corners_tell_though_left_out_boards_lose_by_chance():
+    choice, verdict = verdict_on("rational", 703, "fisheye")
+    assert (choice.better, verdict.status) == ("rational", "FAIL")
+    assert choice.tried[0].left_out_px < choice.tried[2].left_out_px
 
 
 @pytest.mark.slow

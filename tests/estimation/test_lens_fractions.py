@@ -7,7 +7,7 @@ from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.cameras.camera_result import camera_result
-from nico_selfmodel.estimation.cameras.lens_fractions import with_told_sigmas
+from nico_selfmodel.estimation.cameras.lenses.lens_fractions import with_told_sigmas
 from nico_selfmodel.estimation.judging import judge
 
 from ..slow_rest import slow_rest

@@ -10,7 +10,7 @@ from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
-from nico_selfmodel.estimation.cameras.lens_misfit import lens_misfits
+from nico_selfmodel.estimation.cameras.lenses.lens_misfit import lens_misfits
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.model.cameras.camera import Camera
 

@@ -10,7 +10,7 @@ from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_initialization import pose_of_seen_boards
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
-from nico_selfmodel.estimation.cameras.lens_choice import lens_of
+from nico_selfmodel.estimation.cameras.lenses.lens_choice import lens_of
 from nico_selfmodel.estimation.cameras.parts_of_boards import joined, told_places
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform

@@ -11,7 +11,7 @@ from nico_selfmodel.estimation.cameras.board_residuals import BoardResiduals
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
-from nico_selfmodel.estimation.cameras.lens_choice import lens_of
+from nico_selfmodel.estimation.cameras.lenses.lens_choice import lens_of
 from nico_selfmodel.estimation.cameras.rig_start import rig_links
 from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.geometry.transform import inverse

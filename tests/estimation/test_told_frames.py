@@ -8,16 +8,20 @@ import pytest
 from nico_selfmodel.errors import DataError, NotConvergedError
 from nico_selfmodel.estimation.bending.effect_sums import Reduced
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
-from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed
+from nico_selfmodel.estimation.tree.contradictions.ran_away import (
+    check_that_it_stayed,
+    too_short,
+)
 from nico_selfmodel.estimation.tree.guesses.told_frames import exchanged_parts, framed, told_size
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
-from nico_selfmodel.estimation.tree.tree_setup import Wishes
+from nico_selfmodel.estimation.tree.tree_setup import Wishes, setup_of
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_tree import PRISMATIC
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
 from .simulated_trees import observed, one_arm
+from .test_one_problem import from_first_camera
 
 
 def learned(data, pins=None, freed=(), priors=None):
@@ -137,6 +141,32 @@ def test_a_body_that_ran_away_is_named_with_where_it_went(tracked):
             continue
         with pytest.raises(NotConvergedError, match=r"ran away: hand_tag1\.y went from .*--fix"):
             check_that_it_stayed(parameters, start, values)
+
+
+@pytest.mark.parametrize(
+    ("held", "priors", "longest"),
+    [
+        ({"right.y": -0.007, "right.z": 0.3}, {}, "right.z"),
+        ({"right.y": -0.3, "right.z": 0.007}, {}, "right.y"),
+        ({"right.y": -0.007}, {"right.z": (0.3, 0.05)}, "right.y"),
+        ({"right.y": -0.007}, {"right.z": (0.3, 0.04)}, "right.z"),
+    ],
+)
+def test_of_told_lengths_the_one_known_to_the_best_share_says_how_large_all_is(
+    held, priors, longest
+):
+    sim = one_arm(0, joints=2, markers=1, poses=12, sensor="camera")
+    parameters = TreeParameters(from_first_camera(sim.tree))
+    wishes = Wishes(FixedParameters(held), priors)
+    assert setup_of(sim.data, parameters, None, wishes).scale_from == longest
+
+
+def test_a_length_that_is_too_short_to_tell_how_large_all_is_is_named(tracked):
+    parameters = TreeParameters(tracked.tree)
+    cause = too_short("right.y", {"right.y": -0.007})
+    with pytest.raises(NotConvergedError, match=r"only `right\.y` = -0\.007 m tells.*leave"):
+        check_that_it_stayed(parameters, parameters.start, 1e6 * parameters.start, cause)
+    assert too_short("tracker", {"right.y": -0.007}) == too_short(None, {}) == ""
 
 
 def test_what_nothing_tells_stays_where_it_is_beside_effects():

@@ -72,7 +72,7 @@ class CameraTask:
         """Calibrate and judge; return what is to be written."""
         from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
         from nico_selfmodel.estimation.cameras.known_cameras import cameras_for
-        from nico_selfmodel.estimation.cameras.lens_choice import lens_of
+        from nico_selfmodel.estimation.cameras.lenses.lens_choice import lens_of
         from nico_selfmodel.estimation.judging import judge, to_json
 
         if known is not None:

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
 from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
-from nico_selfmodel.estimation.cameras.lens_folds import folds_of
+from nico_selfmodel.estimation.cameras.lenses.lens_folds import folds_of
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.estimation.results.calibration_result import (
     FAILURE,

@@ -220,6 +220,33 @@ def have_rays(rig: StereoRig, pixels: NDArray) -> NDArray:
     return np.asarray(rig.left.has_rays(pixels[:, :2]) & rig.right.has_rays(pixels[:, 2:]))
 
 
+def beyond_learned(calibration: CameraCalibration, views: BoardViews) -> NDArray:
+    """Return which corners lie further out in an image than any learned from, or have no ray.
+
+    What a lens does there no board has told.
+
+    Args:
+        calibration: What was learned.
+        views: Other views, of the same cameras.
+
+    Returns:
+        Boolean; False where not seen. Shape (V, C, P).
+    """
+    found = np.zeros(views.seen.shape, dtype=bool)
+    learned = calibration.views.select(~calibration.outliers)
+    for c, (name, camera) in enumerate(zip(views.cameras, calibration.cameras, strict=True)):
+        known, pixels = from_centre(camera, learned.of_camera(name)), views.of_camera(name)
+        rays = np.isfinite(camera.directions(pixels.reshape(-1, 2))).all(axis=1)
+        out = from_centre(camera, pixels) > np.nanmax(known, initial=0.0)
+        found[:, c] = (out | ~rays.reshape(out.shape)) & views.seen[:, c]
+    return found
+
+
+def from_centre(camera: Camera, pixels: NDArray) -> NDArray:
+    """Return distances from the principal point [px]; nan stays nan. Shape (..., 2) -> (...)."""
+    return np.asarray(np.linalg.norm(pixels - [camera.cx, camera.cy], axis=-1))
+
+
 def corner_distances(residuals: NDArray) -> NDArray:
     """Return Euclidean errors of the corners that were seen, of all cameras [px]. Shape (n,)."""
     distances = np.linalg.norm(residuals.reshape(-1, 2), axis=1)

@@ -16,9 +16,9 @@ from nico_selfmodel.estimation.cameras.board_accuracy import (
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions, lens_word
 from nico_selfmodel.estimation.cameras.known_cameras import KnownCameras, other_scale
-from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
-from nico_selfmodel.estimation.cameras.lens_fractions import with_told_sigmas
-from nico_selfmodel.estimation.cameras.lens_misfit import LensMisfit, lens_misfits
+from nico_selfmodel.estimation.cameras.lenses.lens_folds import folds_by_chance, folds_of
+from nico_selfmodel.estimation.cameras.lenses.lens_fractions import with_told_sigmas
+from nico_selfmodel.estimation.cameras.lenses.lens_misfit import LensMisfit, lens_misfits
 from nico_selfmodel.estimation.cameras.parts_of_boards import joined
 from nico_selfmodel.estimation.cameras.projection_uncertainty import ProjectionUncertainty
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL, RATIONAL

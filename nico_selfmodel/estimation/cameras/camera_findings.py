@@ -1,14 +1,23 @@
 """What speaks for and against cameras that were learned from boards."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.errors import EstimationError, ModelError
+from nico_selfmodel.estimation.cameras.board_accuracy import (
+    beyond_learned,
+    from_centre,
+    held_out_residuals,
+)
 from nico_selfmodel.estimation.cameras.camera_assessment import (
     CameraAssessment,
     fails_the_lens,
     words_of_misfit,
 )
-from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
+from nico_selfmodel.estimation.cameras.lenses.lens_folds import folds_by_chance, folds_of
 from nico_selfmodel.estimation.results.calibration_result import (
     FAILURE,
     LAST,
@@ -32,6 +41,7 @@ def camera_findings(assessment: CameraAssessment) -> tuple[Finding, ...]:
     Args:
         assessment: What they are worth.
     """
+    far, judged = _far_out(assessment)
     failures = [
         *(
             words_of_misfit(m, assessment.lens_of(m.camera))
@@ -39,7 +49,8 @@ def camera_findings(assessment: CameraAssessment) -> tuple[Finding, ...]:
             if fails_the_lens(m)
         ),
         _better_lens(assessment),
-        _worst_reason(assessment),
+        far,
+        _worst_reason(judged),
         *_fold_reasons(assessment),
     ]
     said, distances = [], assessment.test_distances
@@ -54,7 +65,7 @@ def camera_findings(assessment: CameraAssessment) -> tuple[Finding, ...]:
         )
     return (
         *findings(FAILURE, failures),
-        *findings(LAST, [_excess_reason(assessment)]),
+        *findings(LAST, [_excess_reason(judged)]),
         *findings(WARNING, assessment.warnings),
         *findings(NOTE, said),
     )
@@ -65,8 +76,49 @@ def _better_lens(assessment: CameraAssessment) -> str | None:
     if assessment.better_lens is None:
         return None
     return (
-        f"unseen boards are met better by a {assessment.better_lens} lens than by the "
+        f"boards are met better by a {assessment.better_lens} lens than by the "
         f"{assessment.lens} one that was asked for: let the boards choose with --lens auto"
+    )
+
+
+def _far_out(assessment: CameraAssessment) -> tuple[str | None, CameraAssessment]:
+    """Say where held-out corners miss only because no board learned from reached as far out.
+
+    Returns:
+        What to say, if so, and what is left to be judged: without these corners, if so.
+    """
+    test, calibration = assessment.test_views, assessment.calibration
+    if test is None or not (_worst_reason(assessment) or _excess_reason(assessment)):
+        return None, assessment
+    beyond = beyond_learned(calibration, test)
+    pixels = np.where(np.repeat(np.swapaxes(beyond, 1, 2), 2, axis=2), np.nan, test.pixels)
+    inner = replace(test, pixels=pixels).placeable()
+    if not beyond.any() or not len(inner):
+        return None, assessment
+    try:
+        left = held_out_residuals(calibration.cameras, inner)
+    except (EstimationError, ModelError):
+        return None, assessment
+    judged = replace(assessment, test_views=inner, test_residuals=left)
+    if _worst_reason(judged) or _excess_reason(judged):
+        return None, assessment
+    return _words_of_far(assessment, test, beyond), judged
+
+
+def _words_of_far(assessment: CameraAssessment, test: BoardViews, beyond: NDArray) -> str:
+    """Say which boards lie how far out, in the camera where they lie furthest."""
+    calibration = assessment.calibration
+    learned = calibration.views.select(~calibration.outliers)
+    most = int(np.argmax(beyond.sum(axis=(0, 2))))
+    name, camera = test.cameras[most], calibration.cameras[most]
+    out = np.where(beyond[:, most], from_centre(camera, test.of_camera(name)), 0.0)
+    reach = float(np.nanmax(from_centre(camera, learned.of_camera(name))))
+    boards = [test.names[v] for v in np.flatnonzero(out.any(axis=1))]
+    return (
+        f"corners of held-out {'boards' if len(boards) > 1 else 'board'} {listed(boards)} lie up "
+        f"to {out.max():.0f} px from the centre of the {name} image, corners learned from up to "
+        f"{reach:.0f} px: the {assessment.lens_of(name)} lens is told no further out and misses "
+        "them there, all others fit; learn from boards that reach as far"
     )
 
 

@@ -19,7 +19,8 @@ from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend
 from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boards
 from nico_selfmodel.estimation.tree.compared_errors import usual_errors
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, held_scores
-from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed
+from nico_selfmodel.estimation.tree.contradictions.no_pose_tells import told_by_no_pose
+from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed, too_short
 from nico_selfmodel.estimation.tree.contradictions.standing_still import (
     check_that_it_moved,
     dead_encoders,
@@ -100,6 +101,13 @@ class TreeCalibration:
         """What the recording says against lenses and lengths that it is told; nothing if `anew`."""
         bend = self.ladder.solution
         return {} if self.anew else held_scores(bend.problem, bend.solution)
+
+    @cached_property
+    def told_by_no_pose(self) -> tuple[bool, ...]:
+        """Which of `uncertainty.unobservable` are open whatever poses are recorded."""
+        problem, solution = self.ladder.solution.problem, self.ladder.solution.solution
+        natural = _natural_scales(problem, solution)
+        return told_by_no_pose(self.uncertainty, problem, solution, natural)
 
     @cached_property
     def noise(self) -> dict[str, float]:
@@ -284,7 +292,8 @@ def _finished(
         residuals, setup.free, setup.priors, noise, noise_known=known, alike=setup.alike
     )
     rigid = problem.refine(start.values)
-    cause = dead_encoders(data, data.joint_names)
+    told = {name: mean for name, (mean, _) in setup.priors.items()} | dict(setup.fixed)
+    cause = dead_encoders(data, data.joint_names) or too_short(setup.scale_from, told)
     check_that_it_stayed(parameters, start.values, rigid.values, cause)
     ladder = bends(problem, rigid)
     problem, solution = ladder.solution.problem, ladder.solution.solution
@@ -336,22 +345,28 @@ def _as_described(problem: TreeProblem, solution: TreeSolution, seen: BodyDatase
 
 def _uncertainty(problem: TreeProblem, solution: TreeSolution, setup: TreeSetup) -> Uncertainty:
     """Return the covariance of what was free; where nothing tells lengths, all are open as one."""
-    parameters, values = problem.residuals.parameters.layout, solution.values
-    data = problem.observations.data
     count, names = len(solution.whitened), problem.free_names
     squares = (
         float(count - len(names))
         if solution.variances_known
         else float(solution.rest @ solution.rest)
     )
-    scales = parameters.scales(_size(parameters.tree_of(values), data), values)[problem.columns]
-    bends = set(parameters.names[parameters.bends])
-    held = {name: prior for name, prior in problem.priors.items() if name in bends}
-    scales = scales_by_priors(names, scales, held)
+    scales = _natural_scales(problem, solution)
     found = Uncertainty.from_jacobian(names, solution.whitened, scales, squares, count)
     if setup.scale_from is not None:
         return found
-    return found.doubted(parameters.by_scale(values)[None, problem.columns])
+    by_scale = problem.residuals.parameters.layout.by_scale(solution.values)
+    return found.doubted(by_scale[None, problem.columns])
+
+
+def _natural_scales(problem: TreeProblem, solution: TreeSolution) -> NDArray:
+    """Return the scale of each free parameter on which its sigma says whether it is known."""
+    parameters, values = problem.residuals.parameters.layout, solution.values
+    size = _size(parameters.tree_of(values), problem.observations.data)
+    scales = parameters.scales(size, values)[problem.columns]
+    bends = set(parameters.names[parameters.bends])
+    held = {name: prior for name, prior in problem.priors.items() if name in bends}
+    return scales_by_priors(problem.free_names, scales, held)
 
 
 def _size(tree: BodyTree, data: BodyDataset) -> float:

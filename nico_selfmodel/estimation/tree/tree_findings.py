@@ -51,6 +51,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     doubts = [f"too few poses to test whether mirror {name!r} is flat: record ten"
               for name, test in calibration.flatness.items() if test is None]  # fmt: skip
     doubts += [
+        *_told_by_no_pose(calibration),
         *_alike_words(calibration),
         *_slip_words(calibration),
         *exchanged_markers(calibration),
@@ -63,6 +64,18 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
         *findings(WARNING, [*bending_warnings(ladder, calibration.at), *doubts]),
         *findings(NOTE, said),
     )
+
+
+def _told_by_no_pose(calibration: TreeCalibration) -> list[str]:
+    """Name what is open whatever is recorded, and what that means."""
+    both = zip(calibration.uncertainty.unobservable, calibration.told_by_no_pose, strict=True)
+    return [
+        f"{listed([f'`{name}`' for name in way.names])} go together: in no pose between its "
+        "joints' limits can what sensors see of this body tell them apart, and nothing that they "
+        "see depends on it; they have no sigma of their own"
+        for way, by_none in both
+        if by_none
+    ]
 
 
 def _misfits(calibration: TreeCalibration) -> list[str]:

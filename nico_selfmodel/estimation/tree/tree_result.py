@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_folder import body_content_hash
+from nico_selfmodel.dataset.body.sensors import CAMERA
 from nico_selfmodel.estimation.bending.what_bends import bending_json
 from nico_selfmodel.estimation.results.calibration_result import (
     CalibrationResult,
@@ -33,10 +34,13 @@ from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, REVOLUTE, WHOLE_POSES
 from nico_selfmodel.model.tree.free_joints import body_alone
+from nico_selfmodel.names import listed
 from nico_selfmodel.optimization.uncertainty import UnobservableDirection
 
 _ALIGNED = 0.95
 """Cosine of an open way with an axis from which on it is along it."""
+_SELDOM = 5
+"""Sights of a marker below which it is these that are lacking."""
 _TERMS = Terms(
     outlier_cause="body, sensors, or what was recorded are not what the data set says",
     worse_cause="something changed between the recordings, or the body bends",
@@ -144,14 +148,51 @@ def _parameters(calibration: TreeCalibration) -> dict[str, Parameter]:
 
 
 def _unobservable(calibration: TreeCalibration) -> tuple[str, ...]:
+    open_ways = calibration.uncertainty.unobservable
     words = [
         _along_one_axis(calibration, direction)
+        or _seldom_seen(calibration, direction)
         or f"{name_unobservable(direction)}: record poses that move it apart from the others, or "
-        f"fix `{direction.names[0]}`"
-        for direction in calibration.uncertainty.unobservable
+        f"fix `{direction.names[0]}`{_endless(calibration)}"
+        for direction, by_none in zip(open_ways, calibration.told_by_no_pose, strict=True)
+        if not by_none
     ]
     words = list(dict.fromkeys(words))
     return tuple(words if calibration.setup.scale_from is not None else [SCALE, *words])
+
+
+def _seldom_seen(calibration: TreeCalibration, direction: UnobservableDirection) -> str:
+    """Say that markers were seen too seldom to tell where they are; empty where more is open."""
+    data = calibration.data
+    marker = [m.name for m in data.markers]
+    frames = {name.rpartition(".")[0] for name in direction.names}
+    if not frames <= set(marker):
+        return ""
+    sights = {name: int(np.sum(data.observations.marker == marker.index(name))) for name in frames}
+    if max(sights.values()) >= _SELDOM:
+        return ""
+    told = [f"`{name}` ({sights[name]} times)" for name in sorted(sights)]
+    return (
+        f"{listed(told)} {'were' if len(told) > 1 else 'was'} seen too seldom to tell where "
+        f"{'they are' if len(told) > 1 else 'it is'}: record poses that show "
+        f"{'them' if len(told) > 1 else 'it'} from other places, or leave "
+        f"{'their rows' if len(told) > 1 else 'its rows'} out of observations.csv"
+    )
+
+
+def _endless(calibration: TreeCalibration) -> str:
+    """Say that joints of which limits are not known may be moved further; empty without any."""
+    joints = [j for j in calibration.data.joints if not j.follows]
+    cameras = any(sensor.kind == CAMERA for sensor in calibration.data.sensors)
+    if cameras or any(j.motion in WHOLE_POSES for j in joints):
+        return ""
+    names = [f"{j.name!r}" for j in joints if j.lower is None or j.upper is None]
+    if not names:
+        return ""
+    return (
+        f"; if {listed(names)} can go no further than was recorded, say so (`lower` and `upper` in "
+        "dataset.yaml): what no pose tells is no failure"
+    )
 
 
 def _along_one_axis(calibration: TreeCalibration, direction: UnobservableDirection) -> str:

@@ -59,6 +59,10 @@ KNOWN_PLACES = "markers at known places"
 Priors = Mapping[str, tuple[float, float]]
 """Mean and standard deviation by name."""
 
+_UNSURE = 1e-3
+"""What recordings leave open of a length, about [m]: of two lengths told exactly the longer one
+says better how large all is."""
+
 
 @dataclass(frozen=True, eq=False)
 class Description:
@@ -341,9 +345,11 @@ def _scale_from(
         return f"{travelled[0]} (travel)"
     if description is not None:
         return "robot description"
-    known = {n for n, v in wishes.pins.pinned.items() if v} | set(wishes.priors)
-    lengths = [n for n in known - set(told) if n.rpartition(".")[2] in (*SHIFTS, APART)]
-    return min(lengths, default=told_size(tree, told))
+    known = {n: (v, 0.0) for n, v in wishes.pins.pinned.items() if v} | dict(wishes.priors)
+    lengths = [n for n in known.keys() - told.keys() if n.rpartition(".")[2] in (*SHIFTS, APART)]
+    # All others are known to as good a share as this one at best.
+    certain = {n: abs(known[n][0]) / np.hypot(known[n][1], _UNSURE) for n in sorted(lengths)}
+    return max(certain, key=certain.__getitem__, default=told_size(tree, told))
 
 
 def held_scale(tree: BodyTree, world: str) -> str | None:

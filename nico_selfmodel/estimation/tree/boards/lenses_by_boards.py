@@ -13,7 +13,7 @@ from nico_selfmodel.errors import DataError, EstimationError, ModelError
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import AUTO, CameraOptions
-from nico_selfmodel.estimation.cameras.lens_choice import lens_of
+from nico_selfmodel.estimation.cameras.lenses.lens_choice import lens_of
 from nico_selfmodel.estimation.tree.boards.board_views import places_on_boards
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.model.cameras.camera import Camera

@@ -1,5 +1,7 @@
 """Adjustments that went where no body is: what nothing holds grows without end."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,22 @@ _FARTHEST = 100.0
 """Times the largest length of the first body, or turns in rad, that no body is from there."""
 _SMALLEST = 0.1
 """Size of a body of which nothing is known [m]."""
+
+
+def too_short(scale_from: str | None, told: Mapping[str, float]) -> str:
+    """Say that one told length is all that tells how large a body is; empty where it is not.
+
+    Args:
+        scale_from: What tells lengths: `TreeSetup.scale_from`.
+        told: Values that the user knows, by the parameters' names.
+    """
+    if scale_from is None or scale_from not in told:
+        return ""
+    return (
+        f"how large all is only `{scale_from}` = {told[scale_from]:.3g} m tells, which may as well "
+        "be 0 by what was recorded: give a longer length (--fix NAME=VALUE), a distance of two "
+        f"markers, or leave `{scale_from}` free"
+    )
 
 
 def check_that_it_stayed(

@@ -4,9 +4,11 @@ The polynomial of three coefficients stays where its residuals have nothing nota
 the image. Where they have, or no such camera fits at all, the rational lens and the fisheye are
 tried: each board is predicted by cameras that were learned without it, and a lens must lower the
 mean over boards of log(rms) by more than 1 % and two standard errors. Of those that do as well the
-one stays under which the corners learned from are likeliest, each number counted as a unit of the
-logarithm (Akaike 1974), unless its residuals still have something in common, or it folds the
-image. Where the last coefficient folds it and boards do no worse without, it is left out.
+one stays under which the corners learned from are likeliest, each number that they need counted as
+a unit of the logarithm (Akaike 1974), unless its residuals still have something in common, or it
+folds the image. Where the last coefficients fold it and boards do no worse without, they are left
+out; so they are where a rational lens ends before light does, and corners do not need them. A lens
+that was asked for is wrong where another one is far likelier, by the same measure.
 
 Where p1 and p2, held at zero, would explain more of the residuals than chance does, all is tried
 with both free, too: the lens is decentred if boards that were left out gain by that.
@@ -24,27 +26,25 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import EstimationError, ModelError
-from nico_selfmodel.estimation.cameras.board_accuracy import cross_validate_cameras
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
-from nico_selfmodel.estimation.cameras.camera_assessment import fails_the_lens, is_notable
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import AUTO, CameraOptions, lens_word
-from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
-from nico_selfmodel.estimation.cameras.lens_misfit import LensMisfit, lens_misfits
+from nico_selfmodel.estimation.cameras.lenses.lens_evidence import (
+    LensEvidence,
+    asks_for_others,
+    evidence_of,
+    is_wrong,
+    misfits_of,
+    needed_of,
+    surplus,
+)
 from nico_selfmodel.estimation.cameras.parts_of_boards import told_places
 from nico_selfmodel.estimation.results.calibration_result import finite
 from nico_selfmodel.model.cameras.projection import FISHEYE, LENSES, POLYNOMIAL, RATIONAL
+from nico_selfmodel.names import listed
 
-_LAST = {POLYNOMIAL: ("k3",), FISHEYE: ("k4",), RATIONAL: ("k3", "k6")}
-"""Coefficients that are left out where a lens folds, or is not told."""
-_GAIN = 0.01
-"""Mean logarithm of the errors' ratio that boards left out must gain ..."""
-_TOLD = 2.0
-"""... and its standard errors."""
 _ALIKE = 0.2
 """Share by which focal lengths, in widths of the image, of one kind of camera may differ."""
-_FAR_LIKELIER = 10.0
-"""Half a difference of Akaike's criterion, as likelihoods have it, that leaves no doubt."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def lens_of(views: BoardViews, options: CameraOptions) -> LensChoice:
         return choice
     near = choice.calibration if choice.lens == POLYNOMIAL else None
     freed = _best_of(views, replace(options, tangential=True), near)
-    before, after = (_found(views, one.options, one.calibration) for one in (choice, freed))
+    before, after = (evidence_of(views, one.options, one.calibration) for one in (choice, freed))
     if after is not None and (before is None or before.worse_than(after)):
         return replace(freed, decentred=decentred, left_out=after.residuals)
     return choice if before is None else replace(choice, left_out=before.residuals)
@@ -150,7 +150,7 @@ def _best_of(
     plain = replace(options, lens=POLYNOMIAL)
     try:
         found = calibrate_cameras(views, plain, near)
-        if not _asks_for_others(found, plain):
+        if not asks_for_others(found, plain):
             return LensChoice(plain, found)
     except (EstimationError, ModelError) as error:
         tried = _tried(views, options, (FISHEYE, RATIONAL))
@@ -171,10 +171,10 @@ def _decentred(views: BoardViews, options: CameraOptions, choice: LensChoice) ->
     if options.tangential or {"p1", "p2"} & {name[-2:] for name in options.pinned}:
         return ()
     if choice.lens != FISHEYE:
-        misfits = _misfits(choice.calibration, options)
+        misfits = misfits_of(choice.calibration, options)
         return tuple(misfit.camera for misfit in misfits if misfit.is_decentred)
     try:
-        misfits = _misfits(calibrate_cameras(views, replace(options, lens=POLYNOMIAL)), options)
+        misfits = misfits_of(calibrate_cameras(views, replace(options, lens=POLYNOMIAL)), options)
     except (EstimationError, ModelError):
         return ()
     return tuple(misfit.camera for misfit in misfits if misfit.held[:1] == (f"{misfit.camera}.p1",))
@@ -184,121 +184,37 @@ def _compared(views: BoardViews, options: CameraOptions) -> LensChoice:
     """Return the lens that was asked for, and the one that unseen boards would rather have."""
     found = calibrate_cameras(views, options)
     asked = lens_word(options.lens)
-    plain = asked == POLYNOMIAL and not _asks_for_others(found, options)
-    own = None if plain else _found(views, options, found)
+    plain = asked == POLYNOMIAL and not asks_for_others(found, options)
+    own = None if plain else needed_of(views, options, found)
     if own is None:
         return LensChoice(options, found)
     others = _tried(views, options, tuple(lens for lens in LENSES if lens != asked))
-    better = [lens for lens, one in others.items() if not one.flawed and _is_wrong(own, one)]
+    better = [lens for lens, one in others.items() if not one.flawed and is_wrong(own, one)]
     trials = [_trial(asked, own, "asked for")] + [
-        _trial(lens, one, "boards left out are met better" if lens in better else "no better")
+        _trial(lens, one, "boards are met better" if lens in better else "no better")
         for lens, one in others.items()
     ]
     best = min(better, key=lambda lens: others[lens].mean, default=None)
-    return LensChoice(options, found, tuple(trials), best, left_out=own.residuals)
+    return LensChoice(own.options, own.calibration, tuple(trials), best, left_out=own.residuals)
 
 
-def _is_wrong(own: "_Found", other: "_Found") -> bool:
-    """Tell whether another lens is right in place of the one asked for.
-
-    Where a few boards alone tell, unseen ones scatter; where a wrong lens comes near, as a fisheye
-    does to a rational one in the middle of the image, they gain less than that, but its misfit is
-    several times what a place in the image is said to be uncertain by. Then the corners learned
-    from decide, board by board.
-    """
-    if own.worse_than(other):
-        return True
-    gain = float((own.left_out - other.left_out).mean())
-    unlikelier = _unlikelier(own, other)
-    sigma = float(unlikelier.std(ddof=1)) * np.sqrt(len(unlikelier))
-    told = gain > _GAIN or (gain > 0.0 and float(unlikelier.sum()) > _TOLD * sigma)
-    return told and _surplus(own, other) > _FAR_LIKELIER
-
-
-def _trial(lens: str, found: "_Found", reason: str) -> LensTrial:
+def _trial(lens: str, found: LensEvidence, reason: str) -> LensTrial:
+    if found.without:
+        reason += f", without {listed(found.without)}, which the boards do not need"
     return LensTrial(lens, float(np.exp(found.mean)), reason)
 
 
-def _misfits(found: CameraCalibration, options: CameraOptions) -> tuple[LensMisfit, ...]:
-    return lens_misfits(found, options.aspect)
-
-
-def _is_flawed(found: CameraCalibration, options: CameraOptions) -> bool:
-    """Whether a lens would fail: most of its residuals a pattern, a folded image, or not told."""
-    return _breaks(found) or any(map(fails_the_lens, _misfits(found, options)))
-
-
-def _asks_for_others(found: CameraCalibration, options: CameraOptions) -> bool:
-    """Whether a lens would fail, or its residuals have anything notable in common."""
-    return _breaks(found) or any(map(is_notable, _misfits(found, options)))
-
-
-def _breaks(found: CameraCalibration) -> bool:
-    """Whether a lens folds its image, or is not told."""
-    return bool(_folded(found)) or bool(found.uncertainty.unobservable)
-
-
-def _folded(found: CameraCalibration) -> set[str]:
-    """Return the cameras whose lens folds the image where its boards do not leave it open."""
-    views = found.views
-    return set(folds_of(views.cameras, found.cameras)) - folds_by_chance(found)
-
-
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """What one lens leaves."""
-
-    options: CameraOptions
-    calibration: CameraCalibration
-    residuals: NDArray
-    """Of each board, predicted without its fold: `cross_validate_cameras`."""
-    left_out: NDArray
-    """Logarithm of their rms. Shape (V,)."""
-    flawed: bool
-
-    @classmethod
-    def by(cls, found: CameraCalibration, options: CameraOptions) -> "_Found":
-        """Predict each board without its fold."""
-        everything = np.ones(len(found.views), dtype=bool)
-        left = cross_validate_cameras(found, options, everything)
-        if not len(left):
-            raise EstimationError("too few boards to leave some out")
-        rms = 0.5 * np.log(2.0 * np.nanmean(left**2, axis=(1, 2)))
-        return cls(options, found, left, rms, _is_flawed(found, options))
-
-    @property
-    def mean(self) -> float:
-        """Of the logarithms."""
-        return float(self.left_out.mean())
-
-    def worse_than(self, other: "_Found") -> bool:
-        """Whether boards gain by another lens."""
-        gain = self.left_out - other.left_out
-        mean, sigma = float(gain.mean()), float(gain.std(ddof=1) / np.sqrt(len(gain)))
-        return mean > _GAIN and mean > _TOLD * sigma
-
-
-def _tried(views: BoardViews, options: CameraOptions, lenses: tuple[str, ...]) -> dict[str, _Found]:
+def _tried(
+    views: BoardViews, options: CameraOptions, lenses: tuple[str, ...]
+) -> dict[str, LensEvidence]:
     """Return what each lens leaves that can be learned."""
-    found = {}
-    for lens in lenses:
-        own = replace(options, lens=lens)
-        less = replace(own, pinned={**dict.fromkeys(_LAST[lens], 0.0), **own.pinned})
-        whole = _found(views, own)
-        if whole is None or whole.flawed:
-            simpler = _found(views, less)
-            if simpler is not None and (
-                whole is None or not (simpler.flawed or simpler.worse_than(whole))
-            ):
-                whole = simpler
-        if whole is not None:
-            found[lens] = whole
-    return found
+    found = {lens: needed_of(views, replace(options, lens=lens)) for lens in lenses}
+    return {lens: one for lens, one in found.items() if one is not None}
 
 
 def _tried_apart(
-    views: BoardViews, options: CameraOptions, tried: dict[str, _Found]
-) -> dict[str, _Found]:
+    views: BoardViews, options: CameraOptions, tried: dict[str, LensEvidence]
+) -> dict[str, LensEvidence]:
     """Return what lenses leave that the cameras' own boards choose; nothing of cameras alike."""
     best = min(tried.values(), key=lambda one: one.mean, default=None)
     if len(views.cameras) == 1 or (best is not None and _are_alike(best)):
@@ -318,48 +234,18 @@ def _tried_apart(
         for camera, choice in choices.items()
         for name, value in choice.pinned.items()
     }
-    whole = _found(views, replace(options, lens=lenses, pinned={**options.pinned, **pinned}))
+    whole = evidence_of(views, replace(options, lens=lenses, pinned={**options.pinned, **pinned}))
     return {} if whole is None else {word: whole}
 
 
-def _are_alike(found: _Found) -> bool:
+def _are_alike(found: LensEvidence) -> bool:
     """Tell whether cameras may be of one kind: as large images, as wide views."""
     cameras = found.calibration.cameras
     focal = np.log([camera.fx / camera.image_size[0] for camera in cameras])
     return len({camera.image_size for camera in cameras}) == 1 and bool(np.ptp(focal) < _ALIKE)
 
 
-def _found(
-    views: BoardViews, options: CameraOptions, known: CameraCalibration | None = None
-) -> _Found | None:
-    """Return what a lens leaves, learned already or not; None where it cannot be learned."""
-    try:
-        found = calibrate_cameras(views, options) if known is None else known
-        return _Found.by(found, options)
-    except (EstimationError, ModelError, ValueError):
-        return None
-
-
-def _surplus(one: _Found, other: _Found) -> float:
-    """Return by how much a lens is less likely than another, each number counted as one."""
-    numbers = len(one.calibration.names) - len(other.calibration.names)
-    return float(_unlikelier(one, other).sum()) + numbers
-
-
-def _unlikelier(one: _Found, other: _Found) -> NDArray:
-    """Return by how much each board's corners are less likely under one lens than under another.
-
-    A logarithm, of boards that are outliers to neither. Shape (n,).
-    """
-    both = ~(one.calibration.outliers | other.calibration.outliers)
-    sigma = min(one.calibration.pixel_sigma, other.calibration.pixel_sigma)
-    squares = [
-        np.nansum(found.calibration.residuals[both] ** 2, axis=(1, 2)) for found in (one, other)
-    ]
-    return np.asarray(0.5 * (squares[0] - squares[1]) / sigma**2)
-
-
-def _chosen(found: dict[str, _Found], failed: dict[str, LensTrial]) -> LensChoice:
+def _chosen(found: dict[str, LensEvidence], failed: dict[str, LensTrial]) -> LensChoice:
     """Return the likeliest lens among those that do as well as the best."""
     best = min(found, key=lambda lens: found[lens].mean)
     apart = [lens for lens in found if lens not in LENSES]
@@ -368,7 +254,7 @@ def _chosen(found: dict[str, _Found], failed: dict[str, LensTrial]) -> LensChoic
     clean = [lens for lens in as_well if not found[lens].flawed] or as_well
     taken = clean[0]
     for lens in clean[1:]:
-        if _surplus(found[taken], found[lens]) > 0.0:
+        if surplus(found[taken], found[lens]) > 0.0:
             taken = lens
     trials = dict(failed)
     for lens in order:

@@ -4,7 +4,7 @@ import numpy as np
 
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.cameras.projection import FISHEYE, POLYNOMIAL
+from nico_selfmodel.model.cameras.projection import FISHEYE, POLYNOMIAL, RATIONAL
 
 _TOLD_FROM_ZERO = 3.0
 """Standard deviations below which the term that folds an image may as well be zero."""
@@ -35,6 +35,15 @@ def _turn(camera: Camera) -> str:
     if camera.lens == FISHEYE:
         return f"{np.degrees(camera.reach):.0f} deg off the axis"
     return f"a radius of {camera.reach:.2f}"
+
+
+def ends_early(calibration: CameraCalibration) -> bool:
+    """Tell whether a rational lens ends at some angle: at a fold, or at a pole.
+
+    Light comes from all directions: rays just beyond what boards told would be shown nowhere.
+    """
+    lenses = [camera for camera in calibration.cameras if camera.lens == RATIONAL]
+    return bool(np.isfinite([camera.reach for camera in lenses]).any())
 
 
 def folds_by_chance(calibration: CameraCalibration) -> set[str]:

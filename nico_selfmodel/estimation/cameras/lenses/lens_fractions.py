@@ -45,6 +45,22 @@ def with_told_sigmas(calibration: CameraCalibration, options: CameraOptions) -> 
     return replace(calibration, uncertainty=calibration.uncertainty.told_together(found))
 
 
+def told_together(calibration: CameraCalibration) -> CameraCalibration:
+    """Return cameras without sigmas of the coefficients of rational lenses.
+
+    As where some were left out because corners do not need them: they may be anything.
+
+    Args:
+        calibration: What was learned.
+    """
+    told = calibration.uncertainty.told_together(
+        f"{name}.k{i + 1}"
+        for name, camera in zip(calibration.views.cameras, calibration.cameras, strict=True)
+        for i in range(6 * (camera.lens == RATIONAL))
+    )
+    return replace(calibration, uncertainty=told)
+
+
 def _highest(calibration: CameraCalibration, name: str, camera: Camera) -> tuple[str, ...]:
     """Return the last coefficients above and below the line; none where a pair has no room.
 

@@ -1,0 +1,118 @@
+"""What no pose of a body tells is named, and fails nothing; what other poses would tell fails."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.dataset.body.link_joint import LinkJoint
+from nico_selfmodel.dataset.body.sensors import SensorInfo
+from nico_selfmodel.estimation.judging import judge, result_of
+from nico_selfmodel.estimation.tree import tree_result
+from nico_selfmodel.estimation.tree.contradictions.no_pose_tells import told_by_no_pose
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.optimization.uncertainty import UnobservableDirection
+
+from .simulated_trees import Simulated, assembled, observed, tags
+
+
+def palletizer(seed, limits, poses=60, reach=0.6):
+    """A hand that a parallelogram keeps upright: `level` undoes what `upper` and `fore` turn."""
+    rng = np.random.default_rng(seed)
+    quarter = np.pi / 2
+    joints = [
+        LinkJoint("base", parent="world"),
+        LinkJoint("upper", parent="base"),
+        LinkJoint("fore", parent="upper"),
+        LinkJoint("level", parent="fore", follows={"upper": -1.0, "fore": -1.0}),
+        LinkJoint("turn", parent="level"),
+    ]
+    joints = [j if j.follows else replace(j, lower=-limits, upper=limits) for j in joints]
+    places = [
+        ([0.0, 0.02, 0.0], [0.0, 0.0, 0.3]),
+        ([quarter, 0.0, 0.0], [0.05, 0.0, 0.2]),
+        ([0.0, 0.0, 0.0], [0.4, 0.0, 0.0]),
+        ([0.0, 0.0, 0.0], [0.35, 0.0, 0.0]),
+        ([-quarter, 0.0, 0.0], [0.08, 0.0, 0.0]),
+    ]
+    frames = [transform(rotation_from_vector(turn), place) for turn, place in places]
+    infos, attached = tags(rng, "hand", "turn", 3)
+    sensors = [SensorInfo("tracker", "points")]
+    tree = assembled(joints, frames, infos, attached, sensors, [np.eye(4)], {})
+    q = rng.uniform(-reach, reach, (poses, len(joints)))
+    q[:, 3] = np.nan
+    how = {"sigma": {"points": 2e-4}, "joint_sigma": 2e-4}
+    data = observed(tree, joints, infos, sensors, np.nan_to_num(q), rng, **how)
+    return Simulated(tree, replace(data, readings=q), q)
+
+
+@pytest.fixture(scope="module")
+def upright():
+    return calibrate_tree(
+        palletizer(1, limits=0.6).data, test=palletizer(1, limits=0.6, poses=40).data, effects=()
+    )
+
+
+def test_what_no_pose_tells_of_a_hand_that_stays_upright_is_named_and_fails_nothing(upright):
+    ways = upright.uncertainty.unobservable
+    assert {"hand_tag0.z", "hand_tag1.z", "upper.x", "turn.x"} <= set(ways[0].names)
+    assert upright.told_by_no_pose == (True,) * len(ways)
+    assert result_of(upright).unobservable == ()
+    verdict = judge(upright)
+    assert verdict.status == "PASS"
+    said = [w for w in verdict.warnings if "in no pose between its joints' limits" in w]
+    assert len(said) == len(ways)
+    assert "`upper.x`" in said[0]
+    sigma = dict(zip(upright.uncertainty.names, upright.uncertainty.sigma, strict=True))
+    assert np.isinf([sigma["upper.x"], sigma["hand_tag0.z"]]).all()
+    assert np.isfinite(sigma["hand_tag0.x"])
+
+
+def test_joints_that_may_go_further_are_asked_to(upright):
+    joints = tuple(replace(j, lower=None, upper=None) for j in upright.data.joints)
+    problem = upright.ladder.solution.problem
+    free = replace(upright, data=replace(upright.data, joints=joints))
+    observations = TreeObservations.of(free.data)
+    residuals = TreeResiduals(observations, problem.residuals.parameters)
+    endless = TreeProblem(residuals, frozenset(problem.free_names), problem.priors)
+    known, scales = upright.uncertainty, np.ones(len(problem.free_names))
+    told = told_by_no_pose(known, endless, upright.ladder.solution.solution, scales)
+    assert not all(told)
+    object.__setattr__(free, "told_by_no_pose", told)
+    (said, *_) = result_of(free).unobservable
+    assert "if 'base', 'upper'" in said
+    assert "`lower` and `upper` in dataset.yaml" in said
+
+
+@pytest.mark.slow
+def test_what_poses_further_out_would_tell_fails():
+    found = calibrate_tree(palletizer(2, limits=0.6, reach=0.03).data, effects=())
+    told = found.told_by_no_pose
+    assert not all(told)
+    assert len(result_of(found).unobservable) == told.count(False)
+    assert judge(found).status == "FAIL"
+
+
+@pytest.mark.parametrize(
+    ("sights", "names", "said"),
+    [
+        (4, ("hand_tag1.z", "hand_tag1.x"), "`hand_tag1` (4 times) was seen too seldom"),
+        (5, ("hand_tag1.z", "hand_tag1.x"), ""),
+        (4, ("hand_tag1.z", "upper.x"), ""),
+    ],
+)
+def test_markers_that_were_seen_too_seldom_are_named_with_how_often(upright, sights, names, said):
+    table = upright.data.observations
+    own = np.flatnonzero(table.marker == 1)
+    kept = np.setdiff1d(np.arange(len(table.marker)), own[sights:])
+    seldom = SimpleNamespace(data=replace(upright.data, observations=table.select(kept)))
+    way = UnobservableDirection(names, np.full(2, 0.5**0.5), np.inf)
+    words = tree_result._seldom_seen(seldom, way)
+    assert words.startswith(said)
+    assert bool(words) == bool(said)
