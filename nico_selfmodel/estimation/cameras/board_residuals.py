@@ -24,6 +24,7 @@ from nico_selfmodel.model.cameras.rig_parameters import (
     rig_names,
     rig_values,
 )
+from nico_selfmodel.optimization.residual_block import remembers_last
 from nico_selfmodel.optimization.separable_block import Parts, SeparableBlock
 
 _AHEAD = np.array([0.0, 0.0, 1.0]).reshape(3, 1, 1)
@@ -92,6 +93,7 @@ class BoardResiduals(SeparableBlock):
         own = np.concatenate([np.zeros((len(X_LG), 3)), X_LG[:, :3, 3]], axis=1)
         return np.concatenate([rig_values(cameras)[keep], own.ravel()])
 
+    @remembers_last
     def evaluate_parts(self, x: NDArray) -> Parts:
         """Return residuals (predicted - measured) / sigma and derivatives; see `SeparableBlock`."""
         # Indices: a of u and v, i of x, y and z, v of a view, p of a corner.
