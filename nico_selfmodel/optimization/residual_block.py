@@ -53,9 +53,10 @@ class SummedBlock(ABC):
 
 
 def remembers_last(evaluate: Evaluate) -> Evaluate:
-    """Let a block that nothing changes keep what it found last, which nobody may write to then.
+    """Let a block keep what it found last, which nobody may write to then.
 
-    A solver begins where another one ended, and scale and outliers are asked of there, too.
+    A solver begins where another one ended, and scale and outliers are asked of there, too. A block
+    that something changes must `forget_last`.
     """
 
     @wraps(evaluate)
@@ -70,3 +71,8 @@ def remembers_last(evaluate: Evaluate) -> Evaluate:
         return last
 
     return cast(Evaluate, evaluated)
+
+
+def forget_last(block: object) -> None:
+    """Let a block work out anew what it is asked next: it is another one now."""
+    vars(block).pop("_last", None)

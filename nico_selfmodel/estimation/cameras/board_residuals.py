@@ -24,7 +24,7 @@ from nico_selfmodel.model.cameras.rig_parameters import (
     rig_names,
     rig_values,
 )
-from nico_selfmodel.optimization.residual_block import remembers_last
+from nico_selfmodel.optimization.residual_block import forget_last, remembers_last
 from nico_selfmodel.optimization.separable_block import Parts, SeparableBlock
 
 _AHEAD = np.array([0.0, 0.0, 1.0]).reshape(3, 1, 1)
@@ -68,6 +68,16 @@ class BoardResiduals(SeparableBlock):
         self._measured = np.nan_to_num(np.transpose(cameras, (2, 3, 0, 1)))
         self._seen = np.moveaxis(views.seen, 1, 0).astype(float)
         self._missed = [~seen.any(axis=1) for seen in np.moveaxis(views.seen, 1, 0)]
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of a pixel coordinate, which may be another one later [px]."""
+        return self._sigma
+
+    @sigma.setter
+    def sigma(self, sigma: float) -> None:
+        self._sigma = sigma
+        forget_last(self)
 
     @property
     def observation_count(self) -> int:
