@@ -76,6 +76,7 @@ class BoardResiduals(SeparableBlock):
 
     @sigma.setter
     def sigma(self, sigma: float) -> None:
+        """Take another one."""
         self._sigma = sigma
         forget_last(self)
 
