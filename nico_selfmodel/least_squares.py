@@ -49,6 +49,26 @@ def damped_step(hessian: NDArray, gradient: NDArray, damping: NDArray) -> NDArra
     return -np.linalg.solve(damped, gradient)
 
 
+def _step_within(
+    step: Step, hessian: NDArray, gradient: NDArray, damping: NDArray, room: NDArray
+) -> NDArray | None:
+    """Return the step of variables of which none may fall by more than its room.
+
+    What would fall further ends there, and the others make the best of it.
+    """
+    held = np.zeros(len(room), dtype=bool)
+    dx = step(hessian, gradient, damping)
+    while dx is not None and (dx < -room)[~held].any():
+        held |= dx < -room
+        rest = ~held
+        left = gradient[rest] - hessian[np.ix_(rest, held)] @ room[held]
+        found = step(hessian[np.ix_(rest, rest)], left, damping[rest])
+        if found is None:
+            return None
+        dx[held], dx[rest] = -room[held], found
+    return dx
+
+
 def _tried(evaluate: Callable[[NDArray], NormalEquations], x: NDArray) -> NormalEquations | None:
     """Return the normal equations at a trial point; None where it cannot be, or costs no number."""
     try:
@@ -65,6 +85,7 @@ def levenberg_marquardt(
     max_iterations: int = 100,
     tolerance: float = 1e-9,
     step: Step | None = None,
+    least: NDArray | None = None,
 ) -> LevenbergMarquardtResult:
     """Minimise a sum of squares from its normal equations.
 
@@ -78,6 +99,7 @@ def levenberg_marquardt(
         max_iterations: Limit on evaluated steps.
         tolerance: Stop when a step is predicted to lower the cost by less than this fraction.
         step: Replaces `damped_step`, where variables are eliminated.
+        least: Least value of each variable, -inf where it has none. Shape (p,).
 
     Returns:
         The best point. `converged` is False when the limit ended the iteration.
@@ -86,7 +108,7 @@ def levenberg_marquardt(
         ImpossibleModelError: If the start itself cannot be.
     """
     x = np.asarray(start, dtype=float)
-    way = _descent(x, evaluate(x), max_iterations, tolerance, step or damped_step)
+    way = _descent(x, evaluate(x), max_iterations, tolerance, step or damped_step, least)
     x = next(way)
     while isinstance(x, np.ndarray):
         x = way.send(_tried(evaluate, x))
@@ -125,7 +147,12 @@ def levenberg_marquardt_each(
 
 
 def _descent(
-    x: NDArray, found: NormalEquations, max_iterations: int, tolerance: float, step: Step
+    x: NDArray,
+    found: NormalEquations,
+    max_iterations: int,
+    tolerance: float,
+    step: Step,
+    least: NDArray | None = None,
 ) -> Generator[NDArray | LevenbergMarquardtResult, NormalEquations | None, None]:
     """Yield points to try, each to be answered by its normal equations or None, then the result."""
     cost, gradient, hessian = found
@@ -138,7 +165,10 @@ def _descent(
     while iteration < max_iterations and not converged:
         iteration += 1
         floor = np.where(scale > 0.0, scale, 1.0)
-        dx = step(hessian, gradient, damping * floor)
+        if least is None:
+            dx = step(hessian, gradient, damping * floor)
+        else:
+            dx = _step_within(step, hessian, gradient, damping * floor, x - least)
         if dx is None:
             damping, growth = damping * growth, 2.0 * growth
             continue

@@ -1,11 +1,16 @@
 """What an estimator hands to a `CalibrationProgram`: residuals with analytic derivatives."""
 
 from abc import ABC, abstractmethod
-from typing import Protocol
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, Protocol, TypeVar, cast
 
+import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.least_squares import NormalEquations
+
+Evaluate = TypeVar("Evaluate", bound=Callable[..., tuple[NDArray, ...]])
 
 
 class ResidualBlock(Protocol):
@@ -45,3 +50,29 @@ class SummedBlock(ABC):
     @abstractmethod
     def normal_equations(self, x: NDArray) -> NormalEquations:
         """Return cost, gradient, shape (p,), and Gauss-Newton matrix, shape (p, p), unweighted."""
+
+
+def remembers_last(evaluate: Evaluate) -> Evaluate:
+    """Let a block keep what it found last, which nobody may write to then.
+
+    A solver begins where another one ended, and scale and outliers are asked of there, too. A block
+    that something changes must `forget_last`.
+    """
+
+    @wraps(evaluate)
+    def evaluated(block: Any, x: NDArray) -> tuple[NDArray, ...]:
+        own = vars(block)
+        if "_last" not in own or not np.array_equal(own["_last"][0], x):
+            found = evaluate(block, x)
+            for array in found:
+                array.flags.writeable = False
+            own["_last"] = np.array(x), found
+        last: tuple[NDArray, ...] = own["_last"][1]
+        return last
+
+    return cast(Evaluate, evaluated)
+
+
+def forget_last(block: object) -> None:
+    """Let a block work out anew what it is asked next: it is another one now."""
+    vars(block).pop("_last", None)

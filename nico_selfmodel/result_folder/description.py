@@ -4,13 +4,13 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
-from xml.dom.minidom import Element
 
 from nico_selfmodel.files.reading import real_path
 from nico_selfmodel.plant.robots import ROBOTS
-from nico_selfmodel.plant.urdf_document import document_text, read_document, robot_element
 
 if TYPE_CHECKING:
+    from xml.dom.minidom import Element
+
     from nico_selfmodel.plant import ArmDescription
 
 FOLDER = "robot"
@@ -36,6 +36,8 @@ def kept_description(robot: "ArmDescription | None", folder: Path) -> "ArmDescri
     """
     if robot is None or robot.robot in ROBOTS:
         return robot
+    from nico_selfmodel.plant.urdf_document import document_text, read_document, robot_element
+
     document = read_document(robot.urdf)
     inside = folder / FOLDER
     inside.mkdir()
@@ -58,7 +60,7 @@ class _Copies:
         self.original, self.inside = original, inside
         self.names: dict[Path, str] = {}
 
-    def take(self, element: Element) -> None:
+    def take(self, element: "Element") -> None:
         """Copy the file that an element names, and let it name the copy."""
         name = element.getAttribute("filename")
         path = self.original / name

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.plant import learned_urdf
 
 if TYPE_CHECKING:
     from nico_selfmodel.plant import ArmDescription
@@ -31,6 +30,8 @@ def urdf_file(
     """
     if not model.has_arm:
         return {}
+    from nico_selfmodel.plant import learned_urdf
+
     name = model.name if robot is None else Path(robot.robot).stem
     return {urdf_name(name): learned_urdf(model, robot, folder)}
 

@@ -117,4 +117,4 @@ def test_boards_are_found_and_judged_in_a_few_times_opencvs_search(real_data_fol
 
     ratio = best_ratio(lambda: [board.find(image, 11) for image in images], opencv, rounds=3)
     print(f"{ratio:.2f} times OpenCV's search")
-    assert ratio <= 2.8
+    assert ratio <= 1.9

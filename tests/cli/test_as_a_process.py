@@ -48,6 +48,22 @@ def test_a_refusal_loads_no_more_than_it_looks_at(tmp_path):
         assert not packages & {"matplotlib", "meshcat"}
 
 
+def test_a_command_ends_without_looking_for_what_refers_to_itself():
+    """What ends with the process need not be found first: that took a fifth of a report."""
+    code = (
+        "import atexit, gc\n"
+        "atexit.register(lambda: print(gc.get_freeze_count() > 10_000, len(gc.get_objects())))\n"
+        "from nico_selfmodel.cli.main import main\n"
+        "main()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "--version"], capture_output=True, text=True, check=True
+    )
+    frozen, left = done.stdout.splitlines()[-1].split()
+    assert frozen == "True"
+    assert int(left) < 100
+
+
 @pytest.mark.slow
 def test_learn_writes_a_result_that_passes(tmp_path, process, command):
     out = tmp_path / "arm"

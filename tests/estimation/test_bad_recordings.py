@@ -10,9 +10,9 @@ from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import load_dataset, save_dataset
 from nico_selfmodel.estimation.arm.evaluation import evaluate
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
-from nico_selfmodel.estimation.diagnosis.fault_hypotheses import unwrapped_readings
 from nico_selfmodel.estimation.diagnosis.mistaken_units import mistaken_units
 from nico_selfmodel.estimation.diagnosis.nominal_check import robot_reason
+from nico_selfmodel.estimation.diagnosis.suspected_readings import unwrapped_readings
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.model_verdict import judge_evaluation
 from nico_selfmodel.estimation.observations.observations import Observations

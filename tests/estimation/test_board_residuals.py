@@ -109,3 +109,13 @@ def test_a_start_is_the_cameras_and_boards_that_it_was_made_of(aspect):
     x[block.names.index("board.01.ry")] = 0.3
     turned = rotation_from_vector([0.0, 0.3, 0.0]) @ X_LG[1, :3, :3]
     assert block.board_poses(x)[1, :3, :3] == pytest.approx(turned, abs=1e-14)
+
+
+def test_another_sigma_gives_other_residuals_where_the_same_was_asked_before():
+    block, x = residuals_of(("left", "right"), None, gaps=True, sigma=1.0)
+    before = block.evaluate_parts(x)
+    assert all(a is b for a, b in zip(before, block.evaluate_parts(x), strict=True))
+    block.sigma = 0.5
+    for one, other in zip(before, block.evaluate_parts(x), strict=True):
+        assert np.any(one != 0.0)
+        np.testing.assert_allclose(other, 2.0 * one)

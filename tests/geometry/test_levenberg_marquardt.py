@@ -167,3 +167,38 @@ def test_of_many_starts_one_that_costs_no_number_stays_alone_with_it():
     assert found.converged
     assert found.x == pytest.approx([0.0], abs=1e-6)
     assert not lost.converged
+
+
+def bounded(least):
+    """Return the minimum of (x - 3 y)^2 + (x + y + 2)^2 + y^4 / 4, x and y no less than told."""
+
+    def evaluate(at):
+        x, y = at
+        r = np.array([x - 3.0 * y, x + y + 2.0, 0.5 * y * y])
+        jacobian = np.array([[1.0, -3.0], [1.0, 1.0], [0.0, y]])
+        assert (at >= least).all()
+        return 0.5 * float(r @ r), jacobian.T @ r, jacobian.T @ jacobian
+
+    return levenberg_marquardt(evaluate, np.array([2.0, 1.0]), least=np.asarray(least))
+
+
+@pytest.mark.parametrize(
+    ("least", "found"),
+    [
+        ((-np.inf, -np.inf), None),
+        ((-0.5, -np.inf), (-0.5, -0.29867)),
+        ((-np.inf, 0.25), (-0.75, 0.25)),
+        ((1.0, 0.5), (1.0, 0.5)),
+    ],
+)
+def test_what_would_fall_below_its_least_value_stays_there_and_the_rest_makes_the_best_of_it(
+    least, found
+):
+    fit = bounded(least)
+    assert fit.converged
+    if found is None:
+        assert fit.x == pytest.approx(bounded((-9.0, -9.0)).x, abs=1e-6)
+        assert (fit.x < -0.3).all()
+    else:
+        assert fit.x == pytest.approx(found, abs=1e-4)
+    assert fit.iterations <= 10

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 from nico_selfmodel.optimization.losses import Loss
+from nico_selfmodel.optimization.residual_block import remembers_last
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS, RobustSolution, solve_robustly
 
 from .dense_jacobian import whitened_jacobian
@@ -239,3 +240,24 @@ def test_an_observation_left_out_is_judged_by_what_the_others_say_of_it():
     others = np.einsum("nik,nil->kl", J[keep > 0.0], J[keep > 0.0])
     expected = J[4] @ np.linalg.solve(others, J[4].T)
     assert program.prediction_covariances(0, x)[4] == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_block_that_remembers_works_out_each_place_once_and_lets_nobody_write_to_it():
+    class Line:
+        places = 0
+
+        @remembers_last
+        def evaluate(self, x):
+            self.places += 1
+            return x[:1] - 3.0, np.ones((1, 1))
+
+    one, other = Line(), Line()
+    for x in (np.zeros(1), np.zeros(1), np.ones(1), np.ones(1), np.zeros(1)):
+        r, jacobian = one.evaluate(x)
+        assert r == x - 3.0
+    assert (one.places, other.places) == (3, 0)
+    with pytest.raises(ValueError, match="read-only"):
+        jacobian *= 2.0
+    x += 1.0  # what it was asked for is its own
+    assert one.evaluate(np.zeros(1))[0] == -3.0
+    assert one.places == 3

@@ -4,7 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
+from nico_selfmodel.least_squares import levenberg_marquardt
 from nico_selfmodel.vision.boards import chessboard as chessboard_module
+from nico_selfmodel.vision.boards import stray_corners as stray_corners_module
 from nico_selfmodel.vision.boards.chessboard import (
     Board,
     BoardDetection,
@@ -168,3 +170,19 @@ def test_a_large_picture_gives_corners_as_exact_as_a_small_one():
     seen = find_chessboard(truth.image, BOARD)
     assert isinstance(seen, BoardDetection)
     assert np.linalg.norm(seen.corners - truth.points, axis=1).max() < 0.3
+
+
+@pytest.mark.parametrize("bend", [0.3, 0.1, -0.25])
+def test_lenses_that_bend_either_way_are_fitted_in_few_steps(monkeypatch, bend):
+    """A lens that bends outwards has the least field there is: steps below it led nowhere."""
+    fits = []
+
+    def counted(*arguments, **options):
+        fits.append(levenberg_marquardt(*arguments, **options))
+        return fits[-1]
+
+    monkeypatch.setattr(stray_corners_module, "levenberg_marquardt", counted)
+    for seed in range(12):
+        assert not stray_corners(grid_of(6, 9, seed, bend=bend), SIZE).any()
+    assert np.mean([fit.iterations for fit in fits]) < 8.0
+    assert all(fit.converged for fit in fits)

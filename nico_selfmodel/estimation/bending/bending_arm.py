@@ -151,8 +151,12 @@ class BendingArm:
     def few(self) -> "Iterator[BendingArm]":
         """Yield what is asked: some poses, without what is an outlier whatever bends."""
         aside = [certain_outliers(self.observations, self.solution, sure) for sure in SURE]
+        asked: set[bytes] = set()
         for without in np.unique(np.stack(aside), axis=0):
             seen, solved, keep = thinned(self.observations, self.solution, without, self.seed)
+            if keep.tobytes() in asked:  # what else differs is not among these poses
+                continue
+            asked.add(keep.tobytes())
             yield replace(
                 self,
                 observations=seen,

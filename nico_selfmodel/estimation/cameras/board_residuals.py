@@ -24,6 +24,7 @@ from nico_selfmodel.model.cameras.rig_parameters import (
     rig_names,
     rig_values,
 )
+from nico_selfmodel.optimization.residual_block import forget_last, remembers_last
 from nico_selfmodel.optimization.separable_block import Parts, SeparableBlock
 
 _AHEAD = np.array([0.0, 0.0, 1.0]).reshape(3, 1, 1)
@@ -69,6 +70,17 @@ class BoardResiduals(SeparableBlock):
         self._missed = [~seen.any(axis=1) for seen in np.moveaxis(views.seen, 1, 0)]
 
     @property
+    def sigma(self) -> float:
+        """Standard deviation of a pixel coordinate, which may be another one later [px]."""
+        return self._sigma
+
+    @sigma.setter
+    def sigma(self, sigma: float) -> None:
+        """Take another one."""
+        self._sigma = sigma
+        forget_last(self)
+
+    @property
     def observation_count(self) -> int:
         """Number of views."""
         return len(self.views)
@@ -92,6 +104,7 @@ class BoardResiduals(SeparableBlock):
         own = np.concatenate([np.zeros((len(X_LG), 3)), X_LG[:, :3, 3]], axis=1)
         return np.concatenate([rig_values(cameras)[keep], own.ravel()])
 
+    @remembers_last
     def evaluate_parts(self, x: NDArray) -> Parts:
         """Return residuals (predicted - measured) / sigma and derivatives; see `SeparableBlock`."""
         # Indices: a of u and v, i of x, y and z, v of a view, p of a corner.

@@ -4,23 +4,23 @@ Each suspicion mends the readings in one way and searches again from random axes
 the data is named. Nothing of it goes into the result: the data are the user's to correct.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from enum import Enum
+from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.diagnosis.exchanged_distances import exchanged_by_distance
-from nico_selfmodel.estimation.diagnosis.mistaken_units import OTHER_UNIT, mistaken_units
-from nico_selfmodel.estimation.initialization.axis_search import random_starts
+from nico_selfmodel.estimation.diagnosis.suspected_readings import (
+    Worth,
+    suspicions_of,
+    with_starts,
+)
 from nico_selfmodel.estimation.initialization.start_search import (
     ENOUGH_AGREE,
     LineSolution,
     StartSearch,
     distances_between,
-    few_rows,
     refine_lines,
 )
 from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
@@ -28,11 +28,6 @@ from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.results.verdict import MOST_OUTLIERS
 from nico_selfmodel.optimization.losses import robust_scale
 
-_STARTS = 10
-_STARTS_AT_A_GAP = 30
-"""A gap in the middle of a turn is rarely there by chance."""
-_AT_ONCE, _START_ROWS = 5, 60
-"""Starts that are worked out together, and on how many rows: what they leave is asked of more."""
 _MOST_STARTS = 60
 """Starts that the search may cost in all."""
 _BETTER = 3.0
@@ -41,10 +36,6 @@ _EXPLAINED = 0.02
 """... and below this share of the workspace."""
 _FEWER_OUTLIERS = 0.5
 """Or, at the same residuals, outliers to this share."""
-_STARTS_EXCHANGED = 3
-"""Of two columns: where they are right most starts agree."""
-_LEAST_GAP = 0.1
-"""Of a turn: readings that leave out less are spread over the whole turn."""
 _WORTH_A_LOOK, _WORTH_A_SEARCH = 0.01, 0.025
 """Residuals over the workspace's size above which readings that leave out a gap are looked at, and
 above which all causes are."""
@@ -66,25 +57,6 @@ class Causes:
     """What would make the data fit, a sentence each."""
     stopped_after: int | None = None
     """Starts after which the search gave up; None where it tried all it knows."""
-
-
-class _Worth(Enum):
-    """What a misfit is worth looking for."""
-
-    GAPS = "readings that leave out a gap"
-    NEIGHBOURS = "these, and neighbouring columns that are exchanged"
-    EVERYTHING = "all there is"
-
-
-@dataclass(frozen=True, eq=False)
-class _Suspicion:
-    """Readings mended in one way."""
-
-    words: str
-    observations: Observations
-    gear_pinned: NDArray
-    gears_in_question: bool = False
-    starts: int = _STARTS
 
 
 def causes_of_misfit(
@@ -123,15 +95,11 @@ def causes_of_misfit(
     left = _MOST_STARTS
     # What a start leaves falls little any more when it is refined.
     worst = before.noise * (1.0 if bad and before.wrong <= _MANY_OUTLIERS else _BETTER)
-    worth = _Worth.NEIGHBOURS if unexplained > _WORTH_A_LOOK else _Worth.GAPS
-    worth = _Worth.EVERYTHING if searched else worth
-    for suspicion in _suspicions(observations, gear_pinned, held, worth):
-        mended, pinned = few_rows(suspicion.observations, 0), suspicion.gear_pinned
-        at = mended.angles[np.argmin(np.abs(mended.angles - zero).sum(axis=1))]
-        limits = {"at_once": min(suspicion.starts, _AT_ONCE), "worst": worst}
-        fewer = few_rows(mended, 0, _START_ROWS)
-        drawn = random_starts(fewer, pinned & gear_known, at, np.random.default_rng(0), **limits)
-        reached = 0
+    worth = Worth.NEIGHBOURS if unexplained > _WORTH_A_LOOK else Worth.GAPS
+    worth = Worth.EVERYTHING if searched else worth
+    suspicions = suspicions_of(observations, gear_pinned, held, worth)
+    for suspicion, drawn in with_starts(suspicions, gear_known, zero, worst):
+        mended, pinned, reached = suspicion.few, suspicion.gear_pinned, 0
         if left <= 0:
             return Causes(stopped_after=_MOST_STARTS)
         for start in islice(drawn, min(suspicion.starts, left)):
@@ -185,82 +153,6 @@ class _Misfit:
         return f"{1e3 * self.noise:.3g} mm a coordinate{outliers}"
 
 
-def _suspicions(
-    observations: Observations, gear_pinned: NDArray, held: NDArray, worth: _Worth
-) -> Iterator[_Suspicion]:
-    """Yield what may be wrong with the readings, as far as it is worth a search."""
-    unwrapped, joints = unwrapped_readings(observations)
-    if joints:
-        yield _Suspicion(
-            _wrap_words(observations, unwrapped, joints),
-            replace(observations, angles=unwrapped),
-            gear_pinned,
-            starts=_STARTS_AT_A_GAP,
-        )
-    if worth is _Worth.EVERYTHING:
-        yield from _other_units(observations, gear_pinned, held)
-    if worth is not _Worth.GAPS:
-        yield from _exchanged(observations, gear_pinned, all_pairs=worth is _Worth.EVERYTHING)
-    if worth is not _Worth.EVERYTHING:
-        return
-    if held.any():
-        yield _Suspicion(
-            "the encoders do not read joint angles: the data ask for the gears ",
-            observations,
-            gear_pinned & ~held,
-            gears_in_question=True,
-        )
-    for shift in (-1, 1, -2, 2):
-        shifted = _shifted(observations, shift)
-        if shifted is not None:
-            words = "before" if shift < 0 else "after"
-            which = "the sample" if abs(shift) == 1 else f"{abs(shift)} samples"
-            yield _Suspicion(
-                f"the readings lag: each point fits the readings of {which} {words} its own; "
-                "pair them by the time they were taken",
-                shifted,
-                gear_pinned,
-            )
-
-
-def _exchanged(
-    observations: Observations, gear_pinned: NDArray, *, all_pairs: bool
-) -> Iterator[_Suspicion]:
-    """Yield readings with two joints' columns exchanged, neighbours first."""
-    n = len(observations.joints)
-    pairs = [(i, i + step) for step in range(1, n if all_pairs else 2) for i in range(n - step)]
-    for i, j in pairs:
-        order = np.arange(n)
-        order[[i, j]] = j, i
-        yield _Suspicion(
-            f"the readings of {observations.joints[i]} and {observations.joints[j]} are exchanged",
-            replace(observations, angles=observations.angles[:, order]),
-            gear_pinned[order],
-            starts=_STARTS_EXCHANGED,
-        )
-
-
-def _other_units(
-    observations: Observations, gear_pinned: NDArray, held: NDArray
-) -> Iterator[_Suspicion]:
-    """Yield readings with the units mended of joints whose spans are 57 times off the others'."""
-    units = observations.units.unit
-    factors = mistaken_units(observations.angles, units, held)
-    mistaken = np.flatnonzero(factors != 1.0)
-    if not len(mistaken):
-        return
-    words = ", ".join(
-        f"{observations.joints[i]} is read in {OTHER_UNIT[units[i]][0]}, not in {units[i]} as "
-        "its encoder_unit states"
-        for i in mistaken
-    )
-    yield _Suspicion(
-        f"{words}: correct encoder_unit",
-        replace(observations, angles=observations.angles * factors),
-        gear_pinned,
-    )
-
-
 def foreign_marker(observations: Observations) -> str | None:
     """Say which markers are not on one link: the hand is rigid, their distances must not change.
 
@@ -299,53 +191,6 @@ def foreign_marker(observations: Observations) -> str | None:
     )
 
 
-def unwrapped_readings(observations: Observations) -> tuple[NDArray, list[int]]:
-    """Undo a jump of one turn of the encoder in the middle of a joint's range.
-
-    Readings that were folded into one turn leave out an arc in their middle and reach to both ends
-    of the turn. Those below the widest gap are carried on by one turn.
-
-    Args:
-        observations: What was measured.
-
-    Returns:
-        Encoder angles [rad], shape (N, n), and the joints that were changed.
-    """
-    angles, turn = observations.angles.copy(), 2.0 * np.pi
-    changed = []
-    for i in range(angles.shape[1]):
-        values = np.unique(angles[:, i])
-        span = values[-1] - values[0]
-        if len(values) < 3 or span > turn * (1.0 + 1e-9):
-            continue
-        gaps = np.diff(values)
-        widest = int(np.argmax(gaps))
-        if gaps[widest] < max(turn - span, _LEAST_GAP * turn):
-            continue
-        angles[angles[:, i] <= values[widest], i] += turn
-        changed.append(i)
-    return angles, changed
-
-
-def _wrap_words(observations: Observations, unwrapped: NDArray, joints: list[int]) -> str:
-    words = []
-    for i in joints:
-        unit = observations.units.radians_per_unit[i]
-        moved = unwrapped[:, i] != observations.angles[:, i]
-        low, high = observations.angles[moved, i], observations.angles[~moved, i]
-        # A stated sign of -1 makes the larger angle the smaller reading.
-        side = "below" if unit > 0.0 else "above"
-        middle = 0.5 * (low.max() + high.min()) / unit
-        words.append(
-            f"add {2.0 * np.pi / unit:+.6g} to readings of {observations.joints[i]} {side} "
-            f"{middle:.4g} {observations.units.unit[i]}"
-        )
-    return (
-        "encoders jump by a whole turn in the middle of their range: unwrap them "
-        f"({', '.join(words)}), here and in all readings to come"
-    )
-
-
 def _gears_in_words(joints: tuple[str, ...], gear: NDArray, held: NDArray) -> str:
     listed = ", ".join(f"{joints[i]}.gear {gear[i]:.4g}" for i in np.flatnonzero(held))
     for ratio, words in _UNIT_HINTS:
@@ -353,17 +198,3 @@ def _gears_in_words(joints: tuple[str, ...], gear: NDArray, held: NDArray) -> st
             return f"{listed}, as readings in {words} do: correct encoder_unit"
     frees = " ".join(f"--free {joints[i]}.gear" for i in np.flatnonzero(held))
     return f"{listed}: correct the unit, or add {frees}"
-
-
-def _shifted(observations: Observations, shift: int) -> Observations | None:
-    """Pair each point with the readings of the sample before (-1) or after (+1) its own."""
-    first = dict(zip(observations.sample.tolist(), range(len(observations)), strict=True))
-    partner = [first.get(s + shift, -1) for s in observations.sample.tolist()]
-    has = np.array(partner) >= 0
-    unknowns = 5 * len(observations.joints) + 3 * len(observations.markers)
-    if 3 * has.sum() < 2 * unknowns or len(np.unique(observations.marker[has])) < len(
-        observations.markers
-    ):
-        return None
-    kept = observations.select(has)
-    return replace(kept, angles=observations.angles[np.array(partner)[has]])

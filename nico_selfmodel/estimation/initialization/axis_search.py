@@ -8,7 +8,8 @@ seven joints of a Franka arm with 80 poses. Joints that shift what is beyond the
 R_1 ... R_k s q is linear in the shift s, and where no joint turns everything is.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,13 +63,10 @@ def random_starts(
         Arms with all lines, gears and hand points. Only lines that turn are those of `predict`.
     """
     n = len(observations.joints)
-    span = np.maximum(np.ptp(observations.angles, axis=0), 1e-9)
     drawn, gears = np.empty((at_once, n, 3)), np.empty((at_once, n))
     for first in range(0, 10**9, at_once):
         for k in range(at_once):
-            drawn[k] = rng.normal(size=(n, 3))
-            # A joint with an unknown gear is taken to have turned by 20 to 200 degrees.
-            gears[k] = span / np.radians(20.0 * 10.0 ** rng.random(n))
+            drawn[k], gears[k] = _drawn(observations, rng)
             if directions is not None and gear is not None and (first + k) % 2 == 1:
                 near = directions + 0.25 * rng.normal(size=(n, 3))
                 drawn[k] = np.where(np.isfinite(near), near, drawn[k])
@@ -81,6 +79,45 @@ def random_starts(
         )
 
 
+def first_starts_of_each(
+    readings: Sequence[Observations],
+    gear_known: NDArray,
+    zeros: Sequence[NDArray],
+    seed: int,
+    each: int,
+    worst: float = np.inf,
+) -> list[list[ArmEstimate]]:
+    """Return the first `random_starts` of the same points with several readings, all at once.
+
+    Args:
+        readings: What was measured; of all of them but the angles are the first one's.
+        gear_known: Joints whose gear is not searched. Shape (n,).
+        zeros: Of each, encoder angles of the zero configuration [rad]. Shape (n,).
+        seed: Of the starts of each.
+        each: How many.
+        worst: As of `random_starts`.
+    """
+    drawn = []
+    for observations in readings:
+        rng = np.random.default_rng(seed)
+        drawn += [_drawn(observations, rng) for _ in range(each)]
+    starts = np.stack([directions for directions, _ in drawn])
+    starts = starts / np.linalg.norm(starts, axis=2, keepdims=True)
+    gear = np.where(gear_known, 1.0, np.stack([gears for _, gears in drawn]))
+    angles = np.repeat(np.stack([one.angles for one in readings]), each, axis=0)
+    known = (gear_known, np.repeat(np.stack(zeros), each, axis=0))
+    found = project_variables(readings[0], starts, gear, *known, worst=worst, angles=angles)
+    return [found[k : k + each] for k in range(0, len(found), each)]
+
+
+def _drawn(observations: Observations, rng: np.random.Generator) -> tuple[NDArray, NDArray]:
+    """Return random directions, not of unit length, shape (n, 3), and gears, shape (n,)."""
+    n = len(observations.joints)
+    span = np.maximum(np.ptp(observations.angles, axis=0), 1e-9)
+    # A joint with an unknown gear is taken to have turned by 20 to 200 degrees.
+    return rng.normal(size=(n, 3)), span / np.radians(20.0 * 10.0 ** rng.random(n))
+
+
 def project_variables(
     observations: Observations,
     directions: NDArray,
@@ -91,6 +128,7 @@ def project_variables(
     rounds: int = _ROUNDS,
     worst: float = np.inf,
     shifting: NDArray | None = None,
+    angles: NDArray | None = None,
 ) -> list[ArmEstimate]:
     """Refine directions and unknown gears of S starts, with everything linear eliminated.
 
@@ -99,28 +137,34 @@ def project_variables(
         directions: Starts, unit length. Shape (S, n, 3).
         gear: Starts. Shape (S, n).
         gear_known: Joints whose gear stays. Shape (n,).
-        zero: Encoder angles of the zero configuration [rad]. Shape (n,).
+        zero: Encoder angles of the zero configuration, of all or of each [rad]. (n,) or (S, n).
         rounds: Rounds of reweighting; after the first, large residuals lose their weight.
         worst: Standard deviation of an inlier coordinate above which an arm is of no use [m]: what
             leaves far more after a round is left as it is.
         shifting: Joints that shift along their line; none if omitted. Shape (n,).
+        angles: Encoder angles of each start, where they are not all those that were measured [rad].
+            Shape (S, N, n).
 
     Returns:
         The arms at the local optima. A joint that shifts has a line along its shift, and a gear
         that is found even where it is known: points may be told in any unit of length.
     """
     all_directions, all_gears = directions.copy(), gear.copy()
-    shifts = np.zeros(len(zero), dtype=bool) if shifting is None else shifting
+    shifts = np.zeros(gear.shape[1], dtype=bool) if shifting is None else shifting
+    zero = np.broadcast_to(zero, gear.shape)
+    read = (observations.angles if angles is None else angles) - zero[:, None]
     directions, gear = all_directions[:, ~shifts], all_gears[:, ~shifts]
     middle = observations.p_WH.mean(axis=0)
-    problem = _Projection(observations, zero, middle, np.flatnonzero(~gear_known[~shifts]), shifts)
+    free = np.flatnonzero(~gear_known[~shifts])
+    problem = _Projection(observations, read, middle, free, shifts)
     weights = np.ones((len(gear), len(observations)))
     before = np.full(len(gear), np.inf)
     moving = np.arange(len(gear))
     for _ in range(rounds):
-        found = problem.descended(directions[moving], gear[moving], weights[moving])
+        part = problem.of(moving)
+        found = part.descended(directions[moving], gear[moving], weights[moving])
         directions[moving], gear[moving] = found
-        norms = np.linalg.norm(problem.linear(*found, weights[moving]).residuals, axis=1)
+        norms = np.linalg.norm(part.linear(*found, weights[moving]).residuals, axis=1)
         scale = np.array([robust_scale(one, 3) for one in norms])
         changed = ~(np.abs(before[moving] - scale) < 0.02 * before[moving])
         changed &= scale <= _HOPELESS * worst
@@ -140,8 +184,8 @@ def project_variables(
     points, hands = points + middle, at.hands + middle
     joints, markers = observations.joints, observations.markers
     return [
-        ArmEstimate(Chain(joints, d, c, markers, hand), g, zero)
-        for d, c, hand, g in zip(all_directions, points, hands, all_gears, strict=True)
+        ArmEstimate(Chain(joints, d, c, markers, hand), g, own)
+        for d, c, hand, g, own in zip(all_directions, points, hands, all_gears, zero, strict=True)
     ]
 
 
@@ -175,18 +219,24 @@ class _Projection:
     def __init__(
         self,
         observations: Observations,
-        zero: NDArray,
+        read: NDArray,
         middle: NDArray,
         free: NDArray,
         shifts: NDArray,
     ) -> None:
         self._marker, self._free = observations.marker, free
-        moved = np.ascontiguousarray((observations.angles - zero).T)
-        self._moved, self._shifted = moved[~shifts], moved[shifts]
+        moved = np.ascontiguousarray(read.swapaxes(1, 2))
+        self._moved, self._shifted = moved[:, ~shifts], moved[:, shifts]
         self._after = np.cumsum(~shifts)[shifts]  # joints that turn it
         self._measured = np.ascontiguousarray((observations.p_WH - middle).T)
         markers = np.arange(len(observations.markers))
         self._own = (observations.marker == markers[:, None]).astype(float)
+
+    def of(self, starts: NDArray) -> "_Projection":
+        """Return the problem of some of the starts. Shape (k,)."""
+        out = copy(self)
+        out._moved, out._shifted = self._moved[starts], self._shifted[starts]
+        return out
 
     def descended(
         self, directions: NDArray, gear: NDArray, weights: NDArray
@@ -195,7 +245,7 @@ class _Projection:
 
         def evaluate(which: NDArray, x: NDArray) -> tuple[NDArray, NDArray, NDArray]:
             moved = _at(directions[which], gear[which], self._free, x)
-            return self.normal_equations(*moved, weights[which])
+            return self.of(which).normal_equations(*moved, weights[which])
 
         x = np.zeros((len(gear), 2 * gear.shape[1] + len(self._free)))
         if not x.size:
@@ -218,7 +268,7 @@ class _Projection:
         lines = CarriedLines.at(directions, q, basis if slopes is None else slopes, basis)
         by_point = lines.by_point.swapaxes(2, 3).reshape(many, 2 * n, 3, q.shape[-1])
         by_hand = lines.carried[:, -1].swapaxes(1, 2)[:, None] * self._own[:, None, None]
-        by_shift = lines.carried[:, self._after].swapaxes(2, 3) * self._shifted[:, None, None]
+        by_shift = lines.carried[:, self._after].swapaxes(2, 3) * self._shifted[:, :, None, None]
         flat = [part.reshape(many, -1, *by_point.shape[2:]) for part in (by_hand, by_shift)]
         design = np.concatenate([by_point, *flat], axis=1)
         weight = np.sqrt(weights)[:, None]
@@ -261,7 +311,7 @@ class _Projection:
         if not len(self._after):
             return None
         carried = at.lines.carried[:, self._after]
-        moved = (at.shifts[:, :, None, None, :] @ carried)[..., 0, :] * self._shifted[:, None]
+        moved = (at.shifts[:, :, None, None, :] @ carried)[..., 0, :] * self._shifted[:, :, None]
         many, k, *point = moved.shape
         turned = np.arange(at.q.shape[1])[:, None] < self._after
         return (turned @ moved.reshape(many, k, -1)).reshape(many, -1, *point)

@@ -96,9 +96,10 @@ class Linearised:
         parameters: DhParameters,
         groups: PoseGroups,
         noise: PoseNoise,
+        predicted: tuple[NDArray, NDArray] | None = None,
     ) -> "Linearised":
-        """Linearise as `at` does, of rows that were grouped before."""
-        p, jacobian = parameters.predict(
+        """Linearise as `at` does, of rows that were grouped, and perhaps predicted, before."""
+        p, jacobian = predicted or parameters.predict(
             observations.angles, observations.marker, observations.approach
         )
         by_angle = slopes_by_angle(parameters, jacobian)

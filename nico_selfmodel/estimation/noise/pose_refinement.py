@@ -30,7 +30,7 @@ from nico_selfmodel.estimation.observations.observations import (
 from nico_selfmodel.least_squares import NormalEquations
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
-from nico_selfmodel.optimization.residual_block import ResidualBlock, SummedBlock
+from nico_selfmodel.optimization.residual_block import ResidualBlock, SummedBlock, remembers_last
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 from nico_selfmodel.optimization.uncertainty import covariance_told_by
 
@@ -213,6 +213,7 @@ class _ArmBlock(SummedBlock):
     def __init__(
         self, observations: Observations, parameters: DhParameters, columns: list[int]
     ) -> None:
+        # Of the parameters only those of the columns may be others later.
         self.observations, self.parameters, self.columns = observations, parameters, columns
         self.names = tuple(parameters.names[i] for i in columns)
         self.whitening: PoseWhitening | None = None
@@ -222,6 +223,12 @@ class _ArmBlock(SummedBlock):
         values = self.parameters.values
         values[self.columns] = x
         return self.parameters.with_values(values)
+
+    @remembers_last
+    def predicted(self, x: NDArray) -> tuple[NDArray, NDArray]:
+        """Return the rows' points, (N, 3), and their derivatives by all parameters, (N, 3, P)."""
+        seen = self.observations
+        return self.at(x).predict(seen.angles, seen.marker, seen.approach)
 
     def normal_equations(self, x: NDArray) -> NormalEquations:
         """Return cost, gradient and Gauss-Newton matrix from one product of all columns."""
@@ -238,8 +245,7 @@ class _ArmBlock(SummedBlock):
         """Return whitened residuals, then derivatives, by visit. Shape (T, 1 + p)."""
         assert self.whitening is not None
         groups = self.whitening.groups
-        seen = self.observations
-        p, jacobian = self.at(x).predict(seen.angles, seen.marker, seen.approach)
+        p, jacobian = self.predicted(x)
         missed = (p - self.observations.p_WH)[:, :, None]
         both = np.concatenate([missed, jacobian[:, :, self.columns]], axis=2)
         return self.whitening.counted(self.whitening.root(groups.gather(both)))
@@ -274,7 +280,7 @@ class _Refinement:
         observations = self.observations
         groups = PoseGroups(observations.visit, keep, 3, observations.pose)
         for _ in range(_ROUNDS):
-            self.linear = Linearised.of(observations, self.parameters, groups, self.noise)
+            self.linear = self.linearised(groups)
             before = self.noise
             if self.variances_known:
                 self.noise = self.likeliest_noise(apart)
@@ -284,7 +290,13 @@ class _Refinement:
                 break
         if apart:
             self.step(last=True)
-        self.linear = Linearised.of(observations, self.parameters, groups, self.noise)
+        self.linear = self.linearised(groups)
+
+    def linearised(self, groups: PoseGroups) -> Linearised:
+        """Return what is linear where the refinement is; a solver has mostly been there."""
+        predicted = self.block.predicted(self.parameters.values[self.columns])
+        seen = self.observations
+        return Linearised.of(seen, self.parameters, groups, self.noise, predicted)
 
     def likeliest_noise(self, apart: bool) -> PoseNoise:
         """Return the noise that the residuals ask for, with what fitting took from them."""

@@ -10,6 +10,7 @@ from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.geometry.rotation import move_on_sphere, tangent_basis
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.arm.line_kinematics import CarriedLines
+from nico_selfmodel.optimization.residual_block import remembers_last
 
 LINE_PARTS = ("direction_u", "direction_v", "point_u", "point_v", "gear")
 
@@ -57,6 +58,7 @@ class LineResiduals:
         chain = replace(self._start.chain, directions=directions, points=points, p_WH_zero=hands)
         return ArmEstimate(chain, gear, self._start.zero)
 
+    @remembers_last
     def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
         """Return residuals, shape (3, N), and derivatives, shape (5n + 3m, 3, N)."""
         directions, slopes, points, gear, hands = self._unpack(x)

@@ -257,8 +257,12 @@ class BendingTree:
         keep = self._thinned()
         kept_rows = np.append(keep, True)[table.pose]
         few = self.seen if keep.all() else TreeObservations.of(data.select(keep))
+        asked: set[bytes] = set()
         for without in np.unique(np.stack(aside), axis=0):
-            yield replace(self, observations=few, outliers=without[kept_rows], aside=without)
+            outliers = without[kept_rows]
+            if outliers.tobytes() not in asked:  # else what differs is not among these poses
+                asked.add(outliers.tobytes())
+                yield replace(self, observations=few, outliers=outliers, aside=without)
 
     def _thinned(self) -> NDArray:
         """Return as many samples, of whole poses drawn at random, as tell an effect. (P,)."""

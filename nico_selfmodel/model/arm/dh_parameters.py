@@ -167,8 +167,7 @@ class DhParameters:
         last = frames[-1].transpose(1, 2, 0)
         R = last[:3, :3]
         p = np.sum(R * t.p_NH[marker].T, axis=1) + last[:3, 3]
-        jacobian = np.zeros((len(q), 3, len(self.names)), p.dtype)
-        by_pose = jacobian.transpose(1, 2, 0)
+        by_pose = np.zeros((3, len(self.names), len(q)), p.dtype)
         by_pose[:, :3] = np.eye(3)[:, :, None]
         turn = rotation_vector_slope(self.base_turn)
         by_pose[:, 3:6] = cross(turn[:, :, None], (p - t.X_W0[:3, 3:])[:, None])
@@ -181,10 +180,10 @@ class DhParameters:
             by_pose[:, 6 + 6 * n + 3 * len(t.markers) :] = posture.slopes(
                 self.bending, p.T
             ).transpose(0, 2, 1)
-        return p.T, jacobian
+        return p.T, by_pose.transpose(2, 0, 1)
 
-    def _by_joint(self, frames: NDArray, p: NDArray, theta: NDArray) -> NDArray:
-        """Return the derivatives by the parts of each row, p of shape (3, N). (6, 3, n, N)."""
+    def _by_joint(self, frames: NDArray, p: NDArray, theta: NDArray) -> tuple[NDArray, ...]:
+        """Return the derivatives by each of the parts of rows, p of shape (3, N). (3, n, N)."""
         t, gear = self.table, self.servos.gear[:, None]
         axes = frames[:, :, :3].transpose(2, 3, 0, 1)
         arm = p[:, None] - axes[:, 3]
@@ -193,7 +192,7 @@ class DhParameters:
         x = np.cos(t.beta)[:, None] * axes[:, 0, 1:] + np.sin(t.beta)[:, None] * axes[:, 2, 1:]
         swing = -cross(z, arm[:, :-1]) / gear
         beyond = arm[:, 1:]
-        return np.stack([z, swing, x, cross(x, beyond), cross(y, beyond), swing * theta.T])
+        return z, swing, x, cross(x, beyond), cross(y, beyond), swing * theta.T
 
 
 def slopes_by_angle(parameters: DhParameters, jacobian: NDArray) -> NDArray:

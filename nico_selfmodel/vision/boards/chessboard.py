@@ -17,12 +17,7 @@ from nico_selfmodel.vision.boards.board_detection import (
     grid_points,
     size_in,
 )
-from nico_selfmodel.vision.boards.board_pattern import (
-    continues_beyond,
-    is_plain,
-    is_regular,
-    smallest_square,
-)
+from nico_selfmodel.vision.boards.board_pattern import FoundSquares, smallest_square
 from nico_selfmodel.vision.boards.board_search import SECTOR, rough_boards
 from nico_selfmodel.vision.boards.corner_order import rightwards, same_order, standard_order
 from nico_selfmodel.vision.boards.exact_corners import WINDOW
@@ -148,15 +143,15 @@ def find_chessboard(image: NDArray, board: Board, window: int = WINDOW) -> Board
             reasons.append(f"{method} found no {board} board")
             continue
         corners, used = _refined(gray, rough, board, method, scale, window)
-        grid = corners.astype(float).reshape(board.rows, board.columns, 2)
+        found = FoundSquares(corners.astype(float).reshape(board.rows, board.columns, 2), gray)
         try:
-            problem = _problem(grid, gray, board, rough, used)
+            problem = _problem(found, board, rough, used)
         except ValueError:  # corners on one line have no homography
             problem = f"no {board} board but scattered corners"
         if problem:
             reasons.append(f"{method} found {problem}")
             continue
-        corners = read_only(standard_order(grid, gray).reshape(-1, 2))
+        corners = read_only(standard_order(found).reshape(-1, 2))
         return BoardDetection(board, corners, method, used)
     part = _part(gray, board, window)
     return part if isinstance(part, BoardDetection) else NotSeen("; ".join([*reasons, part]))
@@ -183,17 +178,16 @@ def _refined(
     return corners.reshape(-1, 2), window
 
 
-def _problem(
-    grid: NDArray, gray: NDArray, board: Board, rough: NDArray, window: int | None
-) -> str | None:
+def _problem(found: FoundSquares, board: Board, rough: NDArray, window: int | None) -> str | None:
     """Say what speaks against corners that a detector found; None where nothing does."""
-    if not is_regular(grid, gray):
+    if not found.is_regular:
         return f"no {board} board but scattered corners"
-    if not is_plain(grid, gray):
+    if not found.is_plain:
         return f"a {board} board whose squares are not plain (is it a ChArUco board?)"
-    if continues_beyond(grid, gray):
+    if found.continue_beyond:
         return f"only a part of a board larger than {board}"
-    stray = stray_corners(grid, gray.shape[::-1], window).ravel()
+    grid, image_size = found.grid, found.gray.shape[::-1]
+    stray = stray_corners(grid, image_size, window, found.homography).ravel()
     if window is not None:  # a search that left its window comes back to where it began
         stray |= (grid.reshape(-1, 2) == rough).all(axis=1)
     if stray.any():

@@ -13,24 +13,27 @@ A grid of corners has shape (rows, columns, 2).
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.vision.boards.board_pattern import contrast
+from nico_selfmodel.vision.boards.board_pattern import FoundSquares
 
 
-def standard_order(grid: NDArray, gray: NDArray) -> NDArray:
+def standard_order(found: FoundSquares) -> NDArray:
     """Return the corners of a board in the order described above.
 
     Args:
-        grid: Corners as some detector lists them [px]. Shape (rows, columns, 2).
-        gray: The image.
+        found: Corners as some detector lists them, and the squares between them.
 
     Returns:
         The same corners. Shape (rows, columns, 2).
     """
+    grid, rows = found.grid, len(found.grid)
     along, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
-    if along[0] * down[1] - along[1] * down[0] < 0.0:
+    turned_over = along[0] * down[1] - along[1] * down[0] < 0.0
+    if turned_over:
         grid = grid[::-1]
     if sum(grid.shape[:2]) % 2:
-        return grid if contrast(grid, gray) > 0.0 else grid[::-1, ::-1]
+        # Of an odd number of rows the last one begins with a dark square where the first does not.
+        lighter = -found.contrast if turned_over and rows % 2 else found.contrast
+        return grid if lighter > 0.0 else grid[::-1, ::-1]
     return max(_rotations(grid), key=_rightwards)
 
 

@@ -31,7 +31,12 @@ _FIRST_FIELD, _LEAST_FIELD = 0.2, 1e-4
 """Of `a` at the start, and at least."""
 
 
-def stray_corners(grid: NDArray, image_size: tuple[int, int], window: int | None = None) -> NDArray:
+def stray_corners(
+    grid: NDArray,
+    image_size: tuple[int, int],
+    window: int | None = None,
+    H: NDArray | None = None,
+) -> NDArray:
     """Return which corners lie far from where the others have them.
 
     Args:
@@ -39,6 +44,7 @@ def stray_corners(grid: NDArray, image_size: tuple[int, int], window: int | None
         image_size: Width and height of the image, about whose centre its lens bends [px].
         window: Half side of the sub-pixel window that they were refined with [px]; None where the
             detector refines by itself.
+        H: Homography from columns and rows to pixels, where it is known. Shape (3, 3).
 
     Returns:
         Boolean. Shape (rows, columns).
@@ -49,7 +55,7 @@ def stray_corners(grid: NDArray, image_size: tuple[int, int], window: int | None
     rows, columns = grid.shape[:2]
     board = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
     corners = grid.reshape(-1, 2)
-    return _far_off(board, corners, image_size, _limits(grid, window)).reshape(rows, columns)
+    return _far_off(board, corners, image_size, _limits(grid, window), H).reshape(rows, columns)
 
 
 def stray_points(board: NDArray, corners: NDArray, image_size: tuple[int, int]) -> NDArray:
@@ -70,10 +76,14 @@ def stray_points(board: NDArray, corners: NDArray, image_size: tuple[int, int]) 
 
 
 def _far_off(
-    board: NDArray, corners: NDArray, image_size: tuple[int, int], limits: NDArray
+    board: NDArray,
+    corners: NDArray,
+    image_size: tuple[int, int],
+    limits: NDArray,
+    H: NDArray | None = None,
 ) -> NDArray:
     """Return which of some points are off by more than their limits [px], and than chance."""
-    fit = BoardBehindLens(board, corners, image_size)
+    fit = BoardBehindLens(board, corners, image_size, H)
     e, own = fit.residuals_and_leverage()
     without = np.linalg.solve(np.eye(2) - own, e[:, :, None])[:, :, 0]  # had it had no part
     squared = np.sum(e * without, axis=1)
@@ -94,13 +104,20 @@ class BoardBehindLens:
     Devernay and Faugeras (2001), which a fisheye is, with a polynomial for what is left.
     """
 
-    def __init__(self, board: NDArray, corners: NDArray, image_size: tuple[int, int]) -> None:
+    def __init__(
+        self,
+        board: NDArray,
+        corners: NDArray,
+        image_size: tuple[int, int],
+        H: NDArray | None = None,
+    ) -> None:
         """Fit it by least squares.
 
         Args:
             board: Points on the board, in any unit. Shape (P, 2).
             corners: Where they were found [px]. Shape (P, 2).
             image_size: Width and height of the image [px].
+            H: Homography from the board to pixels, where it is known. Shape (3, 3).
 
         Raises:
             ValueError: If the corners lie on one line.
@@ -111,14 +128,23 @@ class BoardBehindLens:
         self._low, high = board.min(axis=0), board.max(axis=0)
         self._half = 0.5 * np.maximum(high - self._low, 1e-300)
         self._board = self._spread(board)
-        self._measured = (corners - self._centre) / self.pixels
-        H = homography(self._board[:, :2], self._measured)
-        start = (H / H[2, 2]).ravel()[:8]
-        bends = next(k for least, k in _BENDS if len(self._board) >= least)
+        self._measured = ((corners - self._centre) / self.pixels).T
+        start = self._start(homography(board, corners) if H is None else H)
+        bends = next(k for least, k in _BENDS if len(board) >= least)
         self.count = 8 + bends
         start = np.append(start, [_FIRST_FIELD, 0.0, 0.0][:bends])
+        least = np.where(np.arange(self.count) == 8, _LEAST_FIELD, -np.inf)
         limits = {"max_iterations": 30, "tolerance": 1e-4}  # it is held against many sigmas
-        self._x = levenberg_marquardt(self._normal_equations, start, **limits).x
+        self._x = levenberg_marquardt(self._normal_equations, start, least=least, **limits).x
+
+    def _start(self, H: NDArray) -> NDArray:
+        """Return a homography from the board to pixels in the units of the fit. Shape (8,)."""
+        of_board = np.diag([*self._half, 1.0])
+        of_board[:2, 2] = self._low + self._half
+        of_pixels = np.diag([*[1.0 / self.pixels] * 2, 1.0])
+        of_pixels[:2, 2] = -self._centre / self.pixels
+        own = of_pixels @ H @ of_board
+        return np.asarray((own / own[2, 2]).ravel()[:8])
 
     @classmethod
     def of_seen(
@@ -131,7 +157,7 @@ class BoardBehindLens:
     def pixels_of(self, board: NDArray) -> NDArray:
         """Return where other points of the board are [px]. Shape (n, 2) -> (n, 2)."""
         z, _ = self._mapped(self._x, self._spread(board))
-        return np.asarray(self._centre + self.pixels * z)
+        return np.asarray(self._centre + self.pixels * z.T)
 
     def steps_at(self, board: NDArray) -> NDArray:
         """Return how pixels move along x and y of the board, as columns [px per unit].
@@ -147,54 +173,48 @@ class BoardBehindLens:
         return np.stack(moved, axis=2) / (2.0 * ways.max())
 
     def _spread(self, board: NDArray) -> NDArray:
-        """Return points with what the homography works on from -1 to 1. Shape (n, 3)."""
+        """Return points with what the homography works on from -1 to 1. Shape (3, n)."""
         unit = (board - self._low) / self._half - 1.0
-        return np.column_stack([unit, np.ones(len(unit))])
+        return np.vstack([unit.T, np.ones(len(unit))])
 
     def residuals_and_leverage(self) -> tuple[NDArray, NDArray]:
         """Return residuals, shape (n, 2), and each corner's part of the hat matrix, (n, 2, 2)."""
-        r, jacobian = self._evaluate(self._x)
-        q, _ = np.linalg.qr(jacobian.reshape(-1, self.count))
+        z, jacobian = self._mapped(self._x, self._board)
+        q, _ = np.linalg.qr(jacobian.transpose(2, 1, 0).reshape(-1, self.count))
         q = q.reshape(-1, 2, self.count)
         # A corner that decides a parameter alone has no residual to be judged by.
-        return r, (1.0 - 1e-9) * (q @ np.swapaxes(q, 1, 2))
+        return (z - self._measured).T, (1.0 - 1e-9) * (q @ np.swapaxes(q, 1, 2))
 
     def _normal_equations(self, x: NDArray) -> tuple[float, NDArray, NDArray]:
-        r, jacobian = self._evaluate(x)
-        flat = jacobian.reshape(-1, self.count)
-        return 0.5 * float(np.sum(r * r)), flat.T @ r.ravel(), flat.T @ flat
-
-    def _evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
-        """Return residuals, shape (n, 2), and their derivatives, shape (n, 2, count)."""
         z, jacobian = self._mapped(x, self._board)
-        return z - self._measured, jacobian
+        r, flat = (z - self._measured).ravel(), jacobian.reshape(self.count, -1)
+        return 0.5 * float(r @ r), flat @ r, flat @ flat.T
 
     def _mapped(self, x: NDArray, b: NDArray) -> tuple[NDArray, NDArray]:
-        """Return where points of the board are, (n, 2), and derivatives by x, (n, 2, count)."""
+        """Return where points of the board are, (2, n), and derivatives by x, (count, 2, n)."""
         H = np.append(x[:8], 1.0).reshape(3, 3)
-        a, k = max(x[8], _LEAST_FIELD), np.append(x[9:], np.zeros(2))
+        a, k1, k2 = np.append(x[8:], np.zeros(11 - len(x)))
+        root, jacobian = np.sqrt(a), np.empty((self.count, 2, b.shape[1]))
         with np.errstate(all="ignore"):  # where a step went too far the cost says so
-            v = b @ H.T
-            y = v[:, :2] / v[:, 2:]
-            r = np.maximum(np.linalg.norm(y, axis=1), 1e-9)
-            t = np.arctan(np.sqrt(a) * r) / np.sqrt(a)
+            v = H @ b
+            y, ratio = v[:2] / v[2], b / v[2]
+            r2 = np.maximum(y[0] * y[0] + y[1] * y[1], 1e-18)
+            r = np.sqrt(r2)
+            t = np.arctan(root * r) / root
             t2 = t * t
-            z = t * (1.0 + t2 * (k[0] + t2 * k[1]))
-            by_t = 1.0 + t2 * (3.0 * k[0] + t2 * 5.0 * k[1])
-            t_by_r = 1.0 / (1.0 + a * r * r)
+            stretch = t * (1.0 + t2 * (k1 + t2 * k2)) / r
+            by_t, t_by_r = 1.0 + t2 * (3.0 * k1 + t2 * 5.0 * k2), 1.0 / (1.0 + a * r2)
             # d(z y/r)/dy = z/r I + (z' - z/r) y y' / r^2;  dy/dH_0j = b_j / v_2, ...
-            outer = y[:, :, None] * y[:, None, :] / (r * r)[:, None, None]
-            by_y = (z / r)[:, None, None] * np.eye(2)
-            by_y += (by_t * t_by_r - z / r)[:, None, None] * outer
-            ratio = b / v[:, 2:]
-            by_h = np.zeros((len(b), 2, 8))
-            by_h[:, 0, :3] = by_h[:, 1, 3:6] = ratio
-            by_h[:, :, 6:] = -y[:, :, None] * ratio[:, None, :2]
-            by_a = by_t * (r * t_by_r - t) / (2.0 * a)
-            bends = np.stack([by_a, t * t2, t * t2 * t2], axis=1)[:, : self.count - 8]
-            towards = y / r[:, None]
-            jacobian = [by_y @ by_h, towards[:, :, None] * bends[:, None]]
-            return z[:, None] * towards, np.concatenate(jacobian, axis=2)
+            along, towards = by_t * t_by_r, y / r
+            by_y = y[:, None] * ((along - stretch) / r2 * y)
+            by_y[0, 0] += stretch
+            by_y[1, 1] += stretch
+            np.multiply(by_y[:, None], ratio[:, None], out=jacobian[:6].reshape(2, 3, *y.shape))
+            np.multiply(-along * y, ratio[:2, None], out=jacobian[6:8])
+            jacobian[8] = by_t * (r * t_by_r - t) / (2.0 * a) * towards
+            for power, by_k in zip((t * t2, t * t2 * t2), jacobian[9:], strict=False):
+                np.multiply(power, towards, out=by_k)
+            return stretch * y, jacobian
 
 
 def _limits(grid: NDArray, window: int | None) -> NDArray:

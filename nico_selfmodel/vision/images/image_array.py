@@ -115,3 +115,19 @@ def smoothed_within(picture: NDArray, inside: NDArray, sigma: float) -> NDArray:
 def smoothed(picture: NDArray, sigma: float) -> NDArray:
     """Return a picture blurred by a Gaussian [px], as floats. Shape (h, w, 3)."""
     return cv2.GaussianBlur(picture.astype(np.float32), (0, 0), sigma)
+
+
+def between_pixels(image: NDArray, pixels: NDArray) -> NDArray:
+    """Return what an image shows between its pixels, its edge beyond them.
+
+    Args:
+        image: 8 bits. Shape (h, w) or (h, w, 3).
+        pixels: u and v, integers are pixel centres. Shape (..., n, 2).
+
+    Returns:
+        Shape (..., n) or (..., n, 3).
+    """
+    *many, n, _ = pixels.shape
+    u, v = np.moveaxis(pixels.reshape(-1, n, 2).astype(np.float32), -1, 0)
+    found = cv2.remap(image, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return found.reshape(*many, n, *image.shape[2:])

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nico_selfmodel.vision.images.image_array import between_pixels
 from nico_selfmodel.vision.images.image_file import encoded
 
 Photographs = Mapping[str, Mapping[str, NDArray]]
@@ -98,18 +99,12 @@ def resampled(image: NDArray, pixels: NDArray) -> NDArray:
 
     Args:
         image: 8 bits. Shape (h, w, 3).
-        pixels: u and v, integers are pixel centres; nan lies outside. Shape (..., 2).
+        pixels: u and v, integers are pixel centres; nan lies outside. Shape (..., n, 2).
 
     Returns:
-        Shape (..., 3).
+        Shape (..., n, 3).
     """
-    limit = np.array(image.shape[1::-1]) - 1
-    inside = np.all((pixels >= -0.5) & (pixels <= limit + 0.5), axis=-1)
-    at = np.clip(np.where(inside[..., None], pixels, 0.0), 0.0, limit)
-    low = np.minimum(at.astype(int), np.maximum(limit - 1, 0))
-    (u, v), (a, b) = np.moveaxis(low, -1, 0), np.moveaxis(at - low, -1, 0)[..., None]
-    right, below = np.minimum(u + 1, limit[0]), np.minimum(v + 1, limit[1])
-    top = (1.0 - a) * image[v, u] + a * image[v, right]
-    bottom = (1.0 - a) * image[below, u] + a * image[below, right]
-    mixed = np.round((1.0 - b) * top + b * bottom).astype(np.uint8)
-    return np.where(inside[..., None], mixed, np.uint8(_OUTSIDE))
+    limit = np.array(image.shape[1::-1]) - 0.5
+    inside = np.all((pixels >= -0.5) & (pixels <= limit), axis=-1)[..., None]
+    mixed = between_pixels(np.ascontiguousarray(image), np.where(inside, pixels, 0.0))
+    return np.where(inside, mixed, np.uint8(_OUTSIDE))

@@ -1,0 +1,247 @@
+"""What may be wrong with the readings of an arm, each mended in one way, and where to start."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from enum import Enum
+from functools import cached_property
+from itertools import groupby, islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.diagnosis.mistaken_units import OTHER_UNIT, mistaken_units
+from nico_selfmodel.estimation.initialization.axis_search import (
+    first_starts_of_each,
+    random_starts,
+)
+from nico_selfmodel.estimation.initialization.start_search import few_rows
+from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
+from nico_selfmodel.estimation.observations.observations import Observations
+
+_STARTS = 10
+_STARTS_AT_A_GAP = 30
+"""A gap in the middle of a turn is rarely there by chance."""
+_AT_ONCE, _START_ROWS = 5, 60
+"""Starts that are worked out together, and on how many rows: what they leave is asked of more."""
+_STARTS_EXCHANGED = 3
+"""Of two columns: where they are right most starts agree."""
+_LEAST_GAP = 0.1
+"""Of a turn: readings that leave out less are spread over the whole turn."""
+
+
+class Worth(Enum):
+    """What a misfit is worth looking for."""
+
+    GAPS = "readings that leave out a gap"
+    NEIGHBOURS = "these, and neighbouring columns that are exchanged"
+    EVERYTHING = "all there is"
+
+
+@dataclass(frozen=True, eq=False)
+class Suspicion:
+    """Readings mended in one way."""
+
+    words: str
+    observations: Observations
+    gear_pinned: NDArray
+    gears_in_question: bool = False
+    starts: int = _STARTS
+
+    @cached_property
+    def few(self) -> Observations:
+        """As many of the readings as tell whether they fit."""
+        return few_rows(self.observations, 0)
+
+    @cached_property
+    def fewer(self) -> Observations:
+        """As many as starts are worked out from."""
+        return few_rows(self.few, 0, _START_ROWS)
+
+    def zero(self, zero: NDArray) -> NDArray:
+        """Return the angles of a pose near the zero configuration. Shape (n,)."""
+        angles = self.few.angles
+        return np.asarray(angles[np.argmin(np.abs(angles - zero).sum(axis=1))])
+
+
+def suspicions_of(
+    observations: Observations, gear_pinned: NDArray, held: NDArray, worth: Worth
+) -> Iterator[Suspicion]:
+    """Yield what may be wrong with the readings, as far as it is worth a search.
+
+    Args:
+        observations: What was measured.
+        gear_pinned: Gears that are held. Shape (n,).
+        held: Those that a unit tells. Shape (n,).
+        worth: What is worth a search.
+    """
+    unwrapped, joints = unwrapped_readings(observations)
+    if joints:
+        yield Suspicion(
+            _wrap_words(observations, unwrapped, joints),
+            replace(observations, angles=unwrapped),
+            gear_pinned,
+            starts=_STARTS_AT_A_GAP,
+        )
+    if worth is Worth.EVERYTHING:
+        yield from _other_units(observations, gear_pinned, held)
+    if worth is not Worth.GAPS:
+        yield from _exchanged(observations, gear_pinned, all_pairs=worth is Worth.EVERYTHING)
+    if worth is not Worth.EVERYTHING:
+        return
+    if held.any():
+        yield Suspicion(
+            "the encoders do not read joint angles: the data ask for the gears ",
+            observations,
+            gear_pinned & ~held,
+            gears_in_question=True,
+        )
+    for shift in (-1, 1, -2, 2):
+        shifted = _shifted(observations, shift)
+        if shifted is not None:
+            words = "before" if shift < 0 else "after"
+            which = "the sample" if abs(shift) == 1 else f"{abs(shift)} samples"
+            yield Suspicion(
+                f"the readings lag: each point fits the readings of {which} {words} its own; "
+                "pair them by the time they were taken",
+                shifted,
+                gear_pinned,
+            )
+
+
+def _exchanged(
+    observations: Observations, gear_pinned: NDArray, *, all_pairs: bool
+) -> Iterator[Suspicion]:
+    """Yield readings with two joints' columns exchanged, neighbours first."""
+    n = len(observations.joints)
+    pairs = [(i, i + step) for step in range(1, n if all_pairs else 2) for i in range(n - step)]
+    for i, j in pairs:
+        order = np.arange(n)
+        order[[i, j]] = j, i
+        yield Suspicion(
+            f"the readings of {observations.joints[i]} and {observations.joints[j]} are exchanged",
+            replace(observations, angles=observations.angles[:, order]),
+            gear_pinned[order],
+            starts=_STARTS_EXCHANGED,
+        )
+
+
+def _other_units(
+    observations: Observations, gear_pinned: NDArray, held: NDArray
+) -> Iterator[Suspicion]:
+    """Yield readings with the units mended of joints whose spans are 57 times off the others'."""
+    units = observations.units.unit
+    factors = mistaken_units(observations.angles, units, held)
+    mistaken = np.flatnonzero(factors != 1.0)
+    if not len(mistaken):
+        return
+    words = ", ".join(
+        f"{observations.joints[i]} is read in {OTHER_UNIT[units[i]][0]}, not in {units[i]} as "
+        "its encoder_unit states"
+        for i in mistaken
+    )
+    yield Suspicion(
+        f"{words}: correct encoder_unit",
+        replace(observations, angles=observations.angles * factors),
+        gear_pinned,
+    )
+
+
+def with_starts(
+    suspicions: Iterable[Suspicion], gear_known: NDArray, zero: NDArray, worst: float
+) -> Iterator[tuple[Suspicion, Iterator[ArmEstimate]]]:
+    """Yield suspicions, each with its starts; those that are few are worked out at once.
+
+    Args:
+        suspicions: What may be wrong.
+        gear_known: Joints said to be read in rad or deg. Shape (n,).
+        zero: Encoder angles of the zero configuration [rad]. Shape (n,).
+        worst: Standard deviation of a coordinate above which a start is of no use [m].
+    """
+
+    def alike(one: Suspicion) -> tuple[bool, bytes]:
+        return one.starts <= _AT_ONCE, (one.gear_pinned & gear_known).tobytes()
+
+    for (few, _), group in groupby(suspicions, alike):
+        if not few:
+            for one in group:
+                drawn = random_starts(
+                    one.fewer,
+                    one.gear_pinned & gear_known,
+                    one.zero(zero),
+                    np.random.default_rng(0),
+                    at_once=_AT_ONCE,
+                    worst=worst,
+                )
+                yield one, drawn
+            continue
+        while together := list(islice(group, _AT_ONCE)):
+            found = first_starts_of_each(
+                [one.fewer for one in together],
+                together[0].gear_pinned & gear_known,
+                [one.zero(zero) for one in together],
+                seed=0,
+                each=together[0].starts,
+                worst=worst,
+            )
+            yield from zip(together, map(iter, found), strict=True)
+
+
+def unwrapped_readings(observations: Observations) -> tuple[NDArray, list[int]]:
+    """Undo a jump of one turn of the encoder in the middle of a joint's range.
+
+    Readings that were folded into one turn leave out an arc in their middle and reach to both ends
+    of the turn. Those below the widest gap are carried on by one turn.
+
+    Args:
+        observations: What was measured.
+
+    Returns:
+        Encoder angles [rad], shape (N, n), and the joints that were changed.
+    """
+    angles, turn = observations.angles.copy(), 2.0 * np.pi
+    changed = []
+    for i in range(angles.shape[1]):
+        values = np.unique(angles[:, i])
+        span = values[-1] - values[0]
+        if len(values) < 3 or span > turn * (1.0 + 1e-9):
+            continue
+        gaps = np.diff(values)
+        widest = int(np.argmax(gaps))
+        if gaps[widest] < max(turn - span, _LEAST_GAP * turn):
+            continue
+        angles[angles[:, i] <= values[widest], i] += turn
+        changed.append(i)
+    return angles, changed
+
+
+def _wrap_words(observations: Observations, unwrapped: NDArray, joints: list[int]) -> str:
+    words = []
+    for i in joints:
+        unit = observations.units.radians_per_unit[i]
+        moved = unwrapped[:, i] != observations.angles[:, i]
+        low, high = observations.angles[moved, i], observations.angles[~moved, i]
+        # A stated sign of -1 makes the larger angle the smaller reading.
+        side = "below" if unit > 0.0 else "above"
+        middle = 0.5 * (low.max() + high.min()) / unit
+        words.append(
+            f"add {2.0 * np.pi / unit:+.6g} to readings of {observations.joints[i]} {side} "
+            f"{middle:.4g} {observations.units.unit[i]}"
+        )
+    return (
+        "encoders jump by a whole turn in the middle of their range: unwrap them "
+        f"({', '.join(words)}), here and in all readings to come"
+    )
+
+
+def _shifted(observations: Observations, shift: int) -> Observations | None:
+    """Pair each point with the readings of the sample before (-1) or after (+1) its own."""
+    first = dict(zip(observations.sample.tolist(), range(len(observations)), strict=True))
+    partner = [first.get(s + shift, -1) for s in observations.sample.tolist()]
+    has = np.array(partner) >= 0
+    unknowns = 5 * len(observations.joints) + 3 * len(observations.markers)
+    if 3 * has.sum() < 2 * unknowns or len(np.unique(observations.marker[has])) < len(
+        observations.markers
+    ):
+        return None
+    kept = observations.select(has)
+    return replace(kept, angles=observations.angles[np.array(partner)[has]])
