@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.arm.evaluation import Evaluation
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
 from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
+from nico_selfmodel.estimation.diagnosis.misread_joint import misread_joints
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import (
     chance_of_more,
@@ -24,6 +25,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     findings,
 )
 from nico_selfmodel.estimation.results.verdict import outliers_are_many
+from nico_selfmodel.model.arm.dh_parameters import slopes_by_angle
 
 _LARGEST_NOISE = 0.05
 """Residuals above this share of the workspace's size explain nothing."""
@@ -71,12 +73,13 @@ def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
     said = [] if held_out is None else [_held_out_words(calibration, held_out)]
     bends = kept_words(ladder, calibration.model.bending, calibration.at)
     bends_badly = bending_warnings(ladder, calibration.at)
+    misread = _misread(calibration)
     return (
         *findings(CAUSE, calibration.causes.words),
         *findings(MISFIT, [misfit]),
         *findings(FAILURE, failures),
         *findings(LAST, last),
-        *findings(WARNING, [*bends_badly, *exchanged, *_warnings(calibration)]),
+        *findings(WARNING, [*bends_badly, *exchanged, *misread, *_warnings(calibration)]),
         *findings(NOTE, [*said, *bends, *_set_aside_words(calibration)]),
     )
 
@@ -185,6 +188,33 @@ def _set_aside_words(calibration: KinematicCalibration) -> list[str]:
         return []
     which = describe_outliers(rows, wrong)
     return [f"{wrong.sum()} of {len(rows)} training points set aside: {which}"]
+
+
+def _misread(calibration: KinematicCalibration) -> list[str]:
+    """Name the joint that was read wrongly where points were set aside, if they tell one."""
+    wrong, train = calibration.outliers, calibration.train
+    if train.covariance is None or not wrong.any():
+        return []
+    arm, rows = calibration.model.parameters, train.observations
+    angles, approach = rows.angles[wrong], rows.approach
+    approach = None if approach is None else approach[wrong]
+    jacobian = arm.predict(angles, rows.marker[wrong], approach)[1]
+    by_angle = slopes_by_angle(arm, jacobian)
+    joints, off = misread_joints(train.residuals[wrong], by_angle, train.covariance[wrong])
+    if not joints:
+        return []
+    told = np.isfinite(off)
+    names = [f"{rows.joints[j]!r}" for j in joints]
+    poses, of = len(np.unique(rows.sample[wrong][told])), len(np.unique(rows.sample[wrong]))
+    size = float(np.degrees(np.median(np.abs(off[told]))))
+    which = (
+        "" if len(names) == 1 else ", and the points do not tell which: track more markers there"
+    )
+    return [
+        f"in {poses} of {of} poses whose points were set aside the encoder of "
+        f"{' or '.join(names)} was off, by {size:.2g} deg in the median: look for play, a loose "
+        f"coupling or missed counts there{which}"
+    ]
 
 
 def _starts_reason(calibration: KinematicCalibration) -> str | None:
