@@ -198,6 +198,24 @@ def test_a_body_that_looks_turned_is_told_by_how_much():
     assert abs(found.change[:3]).max() < 1e-5
 
 
+def test_shades_that_lie_elsewhere_are_told_from_a_body_that_is_turned():
+    v, u = np.mgrid[0:480, 0:640].astype(float)
+    inside = np.hypot(u - 320, v - 240) < 120
+    depth, motion = np.where(inside, 0.7, np.inf), BodyMotion(np.array([1.0, 0.0, 0.0]), NECK)
+    by_light = np.stack([np.gradient(smooth(u, v), axis=0), smooth(v, u), smooth(-u, v)], axis=3)
+    turn = np.array([0.04, -0.03, 0.02])
+    picture = 0.9 * 1.03 * (smooth(u, v) + by_light @ turn)
+    known = AlignedView(0, 0, picture, smooth(u, v), depth, inside, inside[None])
+    view = replace(known, by_light=by_light)
+    sigma = [1e-6, 1e-6, 1e-6, np.radians(1.0)]
+    before = np.zeros(4), np.diag(np.square(sigma))
+    fooled = alignment_step([known], RIG, [MIRROR], [motion], before, 10.0)
+    before = np.zeros(7), np.diag(np.square([*sigma, 0.1, 0.1, 0.1]))
+    found = alignment_step([view], RIG, [MIRROR], [motion], before, 10.0)
+    assert found.change[4:] == pytest.approx(turn, abs=2e-3)
+    assert abs(found.change[3]) < 0.1 * abs(fooled.change[3])
+
+
 def test_a_camera_that_may_be_off_is_not_taken_for_a_mirror_that_is():
     v, u = np.mgrid[0:480, 0:640].astype(float)
     inside = np.hypot(u - 320, v - 240) < 120
