@@ -12,6 +12,7 @@ from nico_selfmodel.estimation.mirrors.body_alignment import (
     alignment_step,
 )
 from nico_selfmodel.estimation.mirrors.mark_place import (
+    GATE_3,
     NOT_ON_ME,
     ON_GLASS,
     ON_ME,
@@ -138,6 +139,20 @@ def test_two_looks_agree_on_a_mark_and_are_better_together():
     assert np.linalg.norm(place - p_F) < 4e-3
     alone = first.place.own + first.place.common
     assert np.trace(covariance) < np.trace(alone)
+
+
+def test_looks_that_show_parts_of_one_spot_agree():
+    p_W = apply(X_WH, on_the_ball(np.random.default_rng(4))[None])[0]
+    sharp = replace(body(), covariance=1e-4 * body().covariance)
+    part = np.array([0.0, 0.7, 0.0, 0.7])
+    first, second = (
+        spot_of(MirrorRig(RIG, mirror).project(p_W) + off, MiddleSigma(0.1), RIG, mirror, sharp)
+        for mirror, off in ((MIRROR, part), (TURNED, -part))
+    )
+    apart = first.place.p_FM - second.place.p_FM
+    own = first.place.own + second.place.own + first.place.common + second.place.common
+    assert apart @ np.linalg.solve(own, apart) > GATE_3
+    assert agreeing([first], [second]) == ((first, second),)
 
 
 def test_what_errs_alike_in_all_looks_stays_after_two_of_them():
