@@ -153,6 +153,9 @@ def test_looks_that_show_parts_of_one_spot_agree():
     own = first.place.own + second.place.own + first.place.common + second.place.common
     assert apart @ np.linalg.solve(own, apart) > GATE_3
     assert agreeing([first], [second]) == ((first, second),)
+    # Two faces of an edge: that they lie apart across the surface tells nothing either.
+    assert np.sqrt(np.linalg.eigvalsh(first.place.in_part)[0]) > 3e-4
+    assert np.sqrt(abs(np.linalg.eigvalsh(first.place.own)[0])) < 1e-6
 
 
 def test_what_errs_alike_in_all_looks_stays_after_two_of_them():

@@ -65,7 +65,8 @@ class LinkPlace:
     """The same from mirror, body, surface and what else errs alike in all looks. Shape (3, 3)."""
     in_part: NDArray
     """What stands for `own` where one asks whether two looks show one spot, of which either may
-    show a part: half a pixel at least. Shape (3, 3)."""
+    show a part: half a pixel at least, and not along the surface only, for parts may lie on two
+    faces of it. Shape (3, 3)."""
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
@@ -193,7 +194,7 @@ def _on_body(
         apply(X_FW, x[None])[0],
         R_FW @ (shares[0] * by_pixels) @ R_FW.T,
         R_FW @ alike @ R_FW.T + by_known @ body.covariance @ by_known.T,
-        R_FW @ by_pixels @ R_FW.T,
+        R_FW @ C @ R_FW.T,
     )
     variance += body.place_sigma[link] ** 2 + _common_along(normal, slopes, ways, body)
     return Spot(ON_ME, read_only(pixels), place, off**2 / variance)
