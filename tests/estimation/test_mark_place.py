@@ -12,6 +12,7 @@ from nico_selfmodel.estimation.mirrors.body_alignment import (
     alignment_step,
 )
 from nico_selfmodel.estimation.mirrors.mark_place import (
+    GATE_3,
     NOT_ON_ME,
     ON_GLASS,
     ON_ME,
@@ -140,6 +141,23 @@ def test_two_looks_agree_on_a_mark_and_are_better_together():
     assert np.trace(covariance) < np.trace(alone)
 
 
+def test_looks_that_show_parts_of_one_spot_agree():
+    p_W = apply(X_WH, on_the_ball(np.random.default_rng(4))[None])[0]
+    sharp = replace(body(), covariance=1e-4 * body().covariance)
+    part = np.array([0.0, 0.7, 0.0, 0.7])
+    first, second = (
+        spot_of(MirrorRig(RIG, mirror).project(p_W) + off, MiddleSigma(0.1), RIG, mirror, sharp)
+        for mirror, off in ((MIRROR, part), (TURNED, -part))
+    )
+    apart = first.place.p_FM - second.place.p_FM
+    own = first.place.own + second.place.own + first.place.common + second.place.common
+    assert apart @ np.linalg.solve(own, apart) > GATE_3
+    assert agreeing([first], [second]) == ((first, second),)
+    # Two faces of an edge: that they lie apart across the surface tells nothing either.
+    assert np.sqrt(np.linalg.eigvalsh(first.place.in_part)[0]) > 3e-4
+    assert np.sqrt(abs(np.linalg.eigvalsh(first.place.own)[0])) < 1e-6
+
+
 def test_what_errs_alike_in_all_looks_stays_after_two_of_them():
     p_W = apply(X_WH, on_the_ball(np.random.default_rng(4))[None])[0]
     sizes = {}
@@ -196,6 +214,24 @@ def test_a_body_that_looks_turned_is_told_by_how_much():
     found = alignment_step([view], RIG, [MIRROR], [motion], (np.zeros(4), prior), 10.0)
     assert found.change[3] == pytest.approx(angle, rel=0.15)
     assert abs(found.change[:3]).max() < 1e-5
+
+
+def test_shades_that_lie_elsewhere_are_told_from_a_body_that_is_turned():
+    v, u = np.mgrid[0:480, 0:640].astype(float)
+    inside = np.hypot(u - 320, v - 240) < 120
+    depth, motion = np.where(inside, 0.7, np.inf), BodyMotion(np.array([1.0, 0.0, 0.0]), NECK)
+    by_light = np.stack([np.gradient(smooth(u, v), axis=0), smooth(v, u), smooth(-u, v)], axis=3)
+    turn = np.array([0.04, -0.03, 0.02])
+    picture = 0.9 * 1.03 * (smooth(u, v) + by_light @ turn)
+    known = AlignedView(0, 0, picture, smooth(u, v), depth, inside, inside[None])
+    view = replace(known, by_light=by_light)
+    sigma = [1e-6, 1e-6, 1e-6, np.radians(1.0)]
+    before = np.zeros(4), np.diag(np.square(sigma))
+    fooled = alignment_step([known], RIG, [MIRROR], [motion], before, 10.0)
+    before = np.zeros(7), np.diag(np.square([*sigma, 0.1, 0.1, 0.1]))
+    found = alignment_step([view], RIG, [MIRROR], [motion], before, 10.0)
+    assert found.change[4:] == pytest.approx(turn, abs=2e-3)
+    assert abs(found.change[3]) < 0.1 * abs(fooled.change[3])
 
 
 def test_a_camera_that_may_be_off_is_not_taken_for_a_mirror_that_is():

@@ -123,16 +123,18 @@ def test_places_are_nearest_to_the_lines_between_their_links_joints():
     np.testing.assert_allclose(found[[2], 1], [0.5])
 
 
-def test_distances_of_a_whole_grid_take_little_more_memory_than_they_are():
+def test_which_points_of_a_whole_grid_are_near_a_link_takes_little_more_memory_than_they_do():
     rng = np.random.default_rng(1)
     lines, points = rng.standard_normal((33, 2, 3)), rng.standard_normal((20_000, 3))
     skeleton = Skeleton(tuple("abcdefghijklmnopqrstuvwxyzABCDEFG"), lines)
     tracemalloc.start()
-    found = skeleton.distances(points)
+    found = skeleton.within(points, tuple("acegikmoqsuwy"), 0.3)
     most = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert found.shape == (20_000, 33)
-    assert most < 3 * found.nbytes
+    expected = skeleton.distances(points)[:, :26:2].min(axis=1) < 0.3
+    assert 1000 < expected.sum() < 19_000
+    assert np.array_equal(found, expected)
+    assert most < 6 * points.nbytes
 
 
 @pytest.mark.parametrize(("looks", "lost"), [(FEWEST, False), (FEWEST - 1, True)])

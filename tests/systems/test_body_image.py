@@ -109,8 +109,8 @@ def test_the_sigma_of_a_reflection_is_how_far_it_scatters(image, look):
         ]
     )
     scatter = np.sqrt(0.5 * np.trace(np.cov(pixels.T)))
-    # Rounded up to a quarter of a pixel.
-    assert scatter * 0.92 < sigma < scatter * 1.08 + 0.25
+    # Rounded up to a sixteenth of a pixel.
+    assert scatter * 0.92 < sigma < scatter * 1.08 + 0.0625
     assert np.isnan(reflection_sigma(MODEL.rig, mirror, 0, np.full((480, 640), np.inf), 1e-3)).all()
 
 

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.vision.surprise.blobs import surprising_places, threshold_of
-from nico_selfmodel.vision.surprise.seen_places import all_judged, seen_places
+from nico_selfmodel.vision.surprise.seen_places import (
+    all_judged,
+    nothing_at,
+    seen_places,
+    spots_at,
+)
 from nico_selfmodel.vision.surprise.surprise import Surprise
 
 SHAPE = (80, 100)
@@ -116,3 +121,18 @@ def test_what_is_faint_is_a_part_of_a_spot_only_if_it_is_near_to_it(height, apar
     assert height < threshold_of(places.size, 1.0)
     assert len(blob.parts) == parts
     assert (blob.area, blob.v) == pytest.approx((2, 40.8) if parts else (1, 40.0), abs=0.1)
+
+
+def test_a_place_shows_nothing_where_it_is_judged_and_not_even_weakly_surprising():
+    own, _ = pictures((20.0, 40.0))
+    assert [(round(one.u), round(one.v)) for one in spots_at(own, 23.0, 42.0)] == [(20, 40)]
+    assert not spots_at(own, 27.0, 42.0)
+    assert not nothing_at(own, 27.0, 42.0)  # its outer part is within 6 px
+    assert nothing_at(own, 35.0, 42.0)
+    assert not nothing_at(own, 49.0, 42.0)  # what is beside the body is not judged
+    # The threshold: n places within 6 px, one of which is as surprising by chance.
+    about = int((np.hypot(*(np.mgrid[-6:7, -6:7])) < 6.0).sum())
+    weak = threshold_of(about, 1.0)
+    for height, nothing in ((weak - 0.1, True), (weak + 0.1, False)):
+        faint, _ = pictures((20.0, 40.0), height=height)
+        assert nothing_at(faint, 20.0, 40.0) is nothing

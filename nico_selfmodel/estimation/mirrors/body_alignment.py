@@ -4,12 +4,15 @@ The hand in a mirror tells its plane by some points; head and chest tell it by a
 and how the head stands on the neck as well. A picture I differs from the expectation E by a gain g
 and by displacements of what is seen (Lucas and Kanade 1981, of a whole body at once):
 
-    I - g E = - g grad E . (du/dm dm + du/dq dq + du/dc dc) + noise
+    I - g E = - g grad E . (du/dm dm + du/dq dq + du/dc dc) + g dE/dl dl + dg E + noise
 
-with m the mirror's values, q motions of the body, of joints that stand still and of the whole, and
-c what the cameras may be wrong by, where that is asked for: it looks like a mirror and a body that
-stand elsewhere, in all mirrors alike. It is solved by weighted least squares with what was known
-before; whoever calls renders E anew and repeats it.
+with m the mirror's values, q motions of the body, of joints that stand still and of the whole, l
+how the room's light is turned about the robot, where that is asked for, for shades that lie
+elsewhere look like a body that is turned, and c what the cameras may be wrong by, where that is
+asked for: it looks like a mirror and a body that stand elsewhere, in all mirrors alike. It is
+solved by weighted least squares with what was known before; whoever calls renders E anew and
+repeats it. Where one part of a body hides another the edge between them moves with the nearer one,
+on both of its sides (`whose_edge`).
 """
 
 from collections.abc import Sequence
@@ -34,6 +37,8 @@ _FAR_OFF = 2.5
 """Robust standard deviations from which on a grey level counts less (Huber)."""
 _FEWEST = 200
 """Grey levels that an alignment takes."""
+_GAIN_SIGMA = 0.1
+"""What the gain of a picture may be off by that is found from pixel to pixel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +59,9 @@ class AlignedView:
     """Which pixels show what stands still, away from what is not known. Shape (h, w)."""
     moved: NDArray
     """Which pixels each motion of the body moves. Shape (k, h, w)."""
+    by_light: NDArray | None = None
+    """What turned light changes of what is expected; None where it is known how the light stands
+    [grey levels/rad]. Shape (h, w, 3, 3)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,10 +85,10 @@ class Alignment:
     """What a step of an alignment found."""
 
     change: NDArray
-    """Of the values of all mirrors in turn, the body's motions, and what cameras may be wrong by.
-    Shape (3 m + k + c,)."""
+    """Of the values of all mirrors in turn, the body's motions, the light's turn where views tell
+    of it, and what cameras may be wrong by. Shape (n,)."""
     covariance: NDArray
-    """Of these. Shape (3 m + k + c, 3 m + k + c)."""
+    """Of these. Shape (n, n)."""
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
@@ -104,8 +112,8 @@ def alignment_step(
         rig: The cameras.
         mirrors: Where the mirrors were expected to stand.
         motions: How the body may stand elsewhere; k of them.
-        before: What was known before the pictures: how far the values are from it, shape
-            (3 m + k + c,), and its covariance.
+        before: What was known before the pictures: how far the values are from it, shape (n,), and
+            its covariance.
         area: Pixels that err alike: smoothed ones, and of one surface.
         cameras: Parameters of the rig that may be wrong, of its `names`; c of them.
 
@@ -120,12 +128,16 @@ def alignment_step(
     gradient = -information @ off
     levels = 0
     for view in views:
-        slopes, errors = _equations(view, rig, mirrors, motions, cameras)
+        slopes, expected, errors = _equations(view, rig, mirrors, motions, cameras)
         scale = max(1.4826 * float(np.median(np.abs(errors))), 0.3) if len(errors) else 1.0
         share = np.minimum(1.0, _FAR_OFF * scale / np.maximum(np.abs(errors), 1e-9))
         weight = share / (scale**2 * 3.0 * area)
-        information += slopes.T @ (weight[:, None] * slopes)
+        # dg is eliminated: it is of this picture alone.
+        by_gain = slopes.T @ (weight * expected)
+        own = float(np.sum(weight * expected**2)) + _GAIN_SIGMA**-2
+        information += slopes.T @ (weight[:, None] * slopes) - np.outer(by_gain, by_gain) / own
         gradient += slopes.T @ (weight * errors)
+        gradient -= by_gain * float(np.sum(weight * expected * errors)) / own
         levels += len(errors)
     if levels < _FEWEST:
         raise EstimationError(
@@ -142,25 +154,31 @@ def _equations(
     mirrors: Sequence[Mirror],
     motions: Sequence[BodyMotion],
     cameras: Sequence[str],
-) -> tuple[NDArray, NDArray]:
-    """Return derivatives of grey levels by what is estimated, and what they are off by."""
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Return derivatives of grey levels by what is estimated and gain, and what they are off by."""
     down, right = np.gradient(view.expected, axis=(0, 1))
     steep = view.used & (np.hypot(right, down).max(axis=2) > _LEAST_SLOPE)
     rows, columns = np.nonzero(steep)
-    size = 3 * len(mirrors) + len(motions) + len(cameras)
+    moved = 3 * len(mirrors) + len(motions)
+    lit = 0 if view.by_light is None else 3
+    size = moved + lit + len(cameras)
     if not len(rows):
-        return np.zeros((0, size)), np.zeros(0)
+        return np.zeros((0, size)), np.zeros(0), np.zeros(0)
     used = view.seen[view.used], view.expected[view.used]
     gain = float(np.median(used[0].sum(axis=1) / np.maximum(used[1].sum(axis=1), 1.0)))
     by_value = _pixel_slopes(view, rig, mirrors[view.mirror], motions, cameras, rows, columns)
     own = np.zeros((len(rows), 2, size))
     own[:, :, 3 * view.mirror : 3 * view.mirror + 3] = by_value[:, :, :3]
-    own[:, :, 3 * len(mirrors) :] = by_value[:, :, 3:]
+    own[:, :, 3 * len(mirrors) : moved] = by_value[:, :, 3 : 3 + len(motions)]
+    own[:, :, moved + lit :] = by_value[:, :, 3 + len(motions) :]
     slope = np.stack([right[rows, columns], down[rows, columns]], axis=2)
     # Where a thing moves to the right, a grey level becomes that of its left: - grad E . du.
     slopes = -gain * slope @ own
-    errors = view.seen[rows, columns] - gain * view.expected[rows, columns]
-    return slopes.reshape(-1, size), errors.ravel()
+    if view.by_light is not None:
+        slopes[:, :, moved : moved + lit] = gain * view.by_light[rows, columns]
+    expected = view.expected[rows, columns]
+    errors = view.seen[rows, columns] - gain * expected
+    return slopes.reshape(-1, size), expected.ravel(), errors.ravel()
 
 
 def _pixel_slopes(

@@ -63,10 +63,14 @@ class LinkPlace:
     """Its covariance from what is this look's alone. Shape (3, 3)."""
     common: NDArray
     """The same from mirror, body, surface and what else errs alike in all looks. Shape (3, 3)."""
+    in_part: NDArray
+    """What stands for `own` where one asks whether two looks show one spot, of which either may
+    show a part: half a pixel at least, and not along the surface only, for parts may lie on two
+    faces of it. Shape (3, 3)."""
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
-        for name in ("p_FM", "own", "common"):
+        for name in ("p_FM", "own", "common", "in_part"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
@@ -190,6 +194,7 @@ def _on_body(
         apply(X_FW, x[None])[0],
         R_FW @ (shares[0] * by_pixels) @ R_FW.T,
         R_FW @ alike @ R_FW.T + by_known @ body.covariance @ by_known.T,
+        R_FW @ C @ R_FW.T,
     )
     variance += body.place_sigma[link] ** 2 + _common_along(normal, slopes, ways, body)
     return Spot(ON_ME, read_only(pixels), place, off**2 / variance)
@@ -231,7 +236,7 @@ def _apart(a: LinkPlace | None, b: LinkPlace | None) -> float:
     if a is None or b is None or a.link != b.link:
         return np.inf
     off = a.p_FM - b.p_FM
-    return float(off @ np.linalg.solve(a.own + b.own + a.common + b.common, off))
+    return float(off @ np.linalg.solve(a.in_part + b.in_part + a.common + b.common, off))
 
 
 def fused(a: LinkPlace, b: LinkPlace) -> tuple[NDArray, NDArray]:

@@ -9,7 +9,7 @@ from nico_selfmodel.model.cameras.mirror import Mirror, plane_of_values
 from nico_selfmodel.model.cameras.mirror_rig import projected
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
-_STEP = 0.25
+_STEP = 0.0625
 """Sigmas are rounded up to multiples of this [px]."""
 
 
@@ -32,7 +32,7 @@ def reflection_sigma(
         point_sigma: s_p, each coordinate; one for all pixels, or one each [m]. Shape () or (h, w).
 
     Returns:
-        sigma, rounded up to a quarter of a pixel; nan where there is none, what is seen is
+        sigma, rounded up to a sixteenth of a pixel; nan where there is none, what is seen is
         before the glass, or the lens has no ray [px]. Shape (h, w).
     """
     camera = rig.cameras[side]

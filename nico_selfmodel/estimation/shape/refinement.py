@@ -8,7 +8,7 @@ surface and mirrors move at once, and what the hand told of one mirror counts fo
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,7 +98,8 @@ def refine_surface(
         rng: Source of samples of what is not known.
         progress: Called after each step.
     """
-    neighbours, before = Neighbours.of(mesh), blurred(STEPS[0].levels)
+    neighbours = Neighbours.of(mesh)
+    before = replace(blurred(STEPS[0].levels), views=())  # whose pictures are not kept
     values, covariance = before.values, before.covariance
     for k, step in enumerate(STEPS):
         found, fair = _equations(mesh, neighbours, blurred, step, values)

@@ -12,7 +12,6 @@ from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.sessions.mirrors.acquaintance import Acquainted, rendered
 from nico_selfmodel.sessions.mirrors.expecting import Unknown
 from nico_selfmodel.sessions.mirrors.known_body import KnownBody, know_body
-from nico_selfmodel.sessions.mirrors.known_light import know_light
 from nico_selfmodel.sessions.mirrors.look_poses import look_poses
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import (
@@ -182,7 +181,6 @@ def know_itself(robot: Acquainted, plate: MirrorPlate, stage: Stage) -> Knowing:
             stage("learning how it stands before mirrors", step, of)
 
         body = know_body(image, robot.model, shots, told)
-        body = know_light(image, body, shots, looks.noise)
         unknown, unlike = {}, {}
         for name, view in views.items():
             looks.before(body.mirror(name), view.X_BM)

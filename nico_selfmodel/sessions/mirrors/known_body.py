@@ -18,10 +18,12 @@ from nico_selfmodel.estimation.mirrors.reflection_sigma import reflection_sigma
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.sessions.mirrors.before_pictures import before_pictures, with_cameras
 from nico_selfmodel.systems.rendering.body_image import NOTHING, BodyImage
 from nico_selfmodel.vision.images.image_array import bgr_of_rgba, smoothed
+from nico_selfmodel.vision.images.whose_edge import whose_edge
 from nico_selfmodel.vision.surprise.surprise import away_from_the_unknown
 
 STANDING = ("neck_yaw", "neck_pitch", "neck_roll", "eyes_tilt")
@@ -32,7 +34,11 @@ _SMOOTH = 1.0
 """Of the pictures that are aligned [px]."""
 _AREA = 40.0
 """Pixels that err alike, as smoothing and what is not known of colours make them."""
-_STEPS = 5
+_STEPS, _UNLIT = 7, 2
+"""Of the search, and those before it is asked how the light stands."""
+_TURN, _TURN_SIGMA = 0.05, np.radians(5.0)
+"""By which the light is turned to see what that changes, and how far a robot may be turned in its
+room, about each axis [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,10 +114,11 @@ class KnownBody:
 
     def changed(self, found: Alignment) -> "KnownBody":
         """Return what is known after a step of an alignment."""
-        x, m = self.values + found.change, 3 * len(self.mirrors)
+        n, m = len(self.values), 3 * len(self.mirrors)
+        x, covariance = self.values + found.change[:n], found.covariance[:n, :n]
         mirrors = {
             name: Mirror.from_values(
-                x[3 * k : 3 * k + 3], found.covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
+                x[3 * k : 3 * k + 3], covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
             )
             for k, name in enumerate(self.mirrors)
         }
@@ -122,8 +129,10 @@ class KnownBody:
             model=model,
             angles=MappingProxyType(angles),
             shift=read_only(x[-6:]),
-            covariance=read_only(found.covariance),
-        )
+            covariance=read_only(covariance),
+            light=read_only(self.light + found.change[n : n + 3]) if len(found.change) > n
+            else self.light,
+        )  # fmt: skip
 
 
 def know_body(
@@ -135,10 +144,11 @@ def know_body(
     """Learn where mirrors stand, and head and body before them, from the unmarked body.
 
     The hand in them told the mirrors (`calibrate_mirrors`), the learned arm where the body is, and
-    the description how the head is held; each to so much, which is where this starts from.
+    the description how the head is held; each to so much, which is where this starts from. Once
+    that fits by half, it is asked at once with them how the room's light stands about the robot.
 
     Args:
-        image: What the robot expects, fresh; it stands as was learned afterwards.
+        image: What the robot expects, fresh; it stands and is lit as was learned afterwards.
         model: Arm, cameras and mirrors.
         shots: Of the unmarked body, of every mirror that shall be known.
         progress: Called after each step.
@@ -151,15 +161,20 @@ def know_body(
     """
     start = _described(image, model, tuple(dict.fromkeys(shot.mirror for shot in shots)))
     known = placed = start
+    by_light: Sequence[NDArray | None] = [None] * (len(SIDES) * len(shots))
     for step in range(_STEPS):
+        if step == _UNLIT:
+            by_light = _by_light(known, image, shots)
         known.pose(image)
-        views = [_view(known, image, shot, side) for shot in shots for side in range(2)]
+        looks = [(shot, side) for shot in shots for side in range(len(SIDES))]
+        views = [_view(known, image, *one, lit) for one, lit in zip(looks, by_light, strict=True)]
         mirrors = [known.model.mirrors[name] for name in known.mirrors]
         motions = [motion for motion, _ in known.motions(image)]
-        off = known.values - start.values
+        before = known.values - start.values, start.covariance
+        if step >= _UNLIT:
+            before = np.append(before[0], known.light), _with_light(before[1])
         if step == _STEPS - 1:
-            placed = _with_cameras(known, views, mirrors, motions, off, start.covariance)
-        before = off, start.covariance
+            placed = _with_cameras(known, views, mirrors, motions, before)
         known = known.changed(alignment_step(views, model.rig, mirrors, motions, before, _AREA))
         if progress:
             progress(step + 1, _STEPS)
@@ -168,13 +183,37 @@ def know_body(
     return replace(known, places=MappingProxyType(places))
 
 
+def _with_light(own: NDArray) -> NDArray:
+    """Return a covariance with that of the light's turn after it."""
+    n = len(own)
+    matrix = np.diag([0.0] * n + [_TURN_SIGMA**2] * 3)
+    matrix[:n, :n] = own
+    return matrix
+
+
+def _by_light(known: KnownBody, image: BodyImage, shots: Sequence[Shot]) -> list[NDArray]:
+    """Return what turned light changes of each expected picture. Shape (h, w, 3, 3) each."""
+    found = []
+    for turn in (np.zeros(3), *_TURN * np.eye(3)):
+        replace(known, light=known.light + turn).pose(image)
+        found.append([
+            smoothed(bgr_of_rgba(image.expect(shot.readings, mirror, side).color), _SMOOTH)
+            for shot in shots for mirror in [known.model.mirrors[shot.mirror]]
+            for side in range(len(SIDES))
+        ])  # fmt: skip
+    plain, *turned = found
+    return [
+        np.stack([(one[k] - plain[k]) / np.float32(_TURN) for one in turned], axis=3)
+        for k in range(len(plain))
+    ]
+
+
 def _with_cameras(
     known: KnownBody,
     views: Sequence[AlignedView],
     mirrors: Sequence[Mirror],
     motions: Sequence[BodyMotion],
-    off: NDArray,
-    own: NDArray,
+    before: tuple[NDArray, NDArray],
 ) -> KnownBody:
     """Return what is known where the cameras may be wrong, too, by as much as they are known.
 
@@ -183,12 +222,13 @@ def _with_cameras(
         views: What was seen of it.
         mirrors: Of what is known, in turn.
         motions: How the body may stand elsewhere.
-        off: What is known less what was before the pictures. Shape (n,).
-        own: Covariance of that. Shape (n, n).
+        before: What is known less what was before the pictures, shape (n,), and the covariance of
+            that.
     """
+    off, own = before
     cameras, prior = with_cameras(known.model, known.mirrors, own)
-    before = np.append(off, np.zeros(len(cameras))), prior
-    found = alignment_step(views, known.model.rig, mirrors, motions, before, _AREA, cameras)
+    loose = np.append(off, np.zeros(len(cameras))), prior
+    found = alignment_step(views, known.model.rig, mirrors, motions, loose, _AREA, cameras)
     n = len(own)
     return known.changed(Alignment(found.change[:n], found.covariance[:n, :n]))
 
@@ -202,7 +242,9 @@ def _described(image: BodyImage, model: SelfModel, mirrors: tuple[str, ...]) -> 
     return KnownBody(model, mirrors, angles, np.zeros(6), shoulder.p_WJ, covariance)
 
 
-def _view(known: KnownBody, image: BodyImage, shot: Shot, side: int) -> AlignedView:
+def _view(
+    known: KnownBody, image: BodyImage, shot: Shot, side: int, by_light: NDArray | None
+) -> AlignedView:
     """Hold one picture beside what is expected now."""
     mirror = known.model.mirrors[shot.mirror]
     seen = image.expect(shot.readings, mirror, side)
@@ -210,15 +252,18 @@ def _view(known: KnownBody, image: BodyImage, shot: Shot, side: int) -> AlignedV
     hidden = np.isin(seen.labels, [NOTHING, *image.moving])
     sigma = away_from_the_unknown(np.where(hidden, np.nan, sigma))
     numbers = {name: number for number, name in image.links.items()}
+    owner = whose_edge(seen.depth)
+    labels = seen.labels.ravel()[owner]
     moved = [
-        np.isin(seen.labels, [numbers[link] for link in links]) for _, links in known.motions(image)
+        np.isin(labels, [numbers[link] for link in links]) for _, links in known.motions(image)
     ]
     return AlignedView(
         side,
         known.mirrors.index(shot.mirror),
         smoothed(shot.pictures[side], _SMOOTH),
         smoothed(bgr_of_rgba(seen.color), _SMOOTH),
-        seen.depth,
+        seen.depth.ravel()[owner],
         np.isfinite(sigma),
         np.array(moved),
+        by_light,
     )

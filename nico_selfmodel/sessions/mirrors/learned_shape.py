@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,9 +82,16 @@ class Skeleton:
                 lines.append([start, start + _SHARE * (end - start)])
         return cls(tuple(links), np.array(lines))
 
+    def within(self, p_WQ: NDArray, links: Sequence[str], reach: float) -> NDArray:
+        """Return which points are within a distance [m] of a line of some links. Shape (N,)."""
+        found = np.zeros(len(p_WQ), dtype=bool)
+        for link, line in zip(self.links, self.lines, strict=True):
+            if link in links:  # line by line: all at once a grid's points would take gigabytes
+                found |= _apart(p_WQ, *line) < reach
+        return found
+
     def distances(self, p_WQ: NDArray) -> NDArray:
         """Return how far points are from all lines [m]. Shape (N, 3) -> (N, lines)."""
-        # Line by line: all at once a grid's points would take gigabytes.
         return np.stack([_apart(p_WQ, *line) for line in self.lines], axis=1)
 
 
@@ -130,10 +137,10 @@ def learn_shape(
     depths = _depths(looks, views)
     own = np.isin(skeleton.links, list(wanted))
     grid = VoxelGrid.about(skeleton.lines[own].reshape(-1, 3), REACH, _PITCH)
-    near = skeleton.distances(grid.points)[:, own].min(axis=1) < REACH
+    near = skeleton.within(grid.points, wanted, REACH)
     mesh = first_surface(grid, near, views, depths)
 
-    @cache
+    @lru_cache(maxsize=2)  # what is compared and what slopes are taken of; each takes 100 MB
     def blurred(sigma: float) -> ShapeViews:
         # nan is not below 0: what is neither body nor room does not count.
         smooth = [

@@ -27,7 +27,12 @@ from nico_selfmodel.sessions.mirrors.expecting import MirrorLook, Unknown
 from nico_selfmodel.sessions.mirrors.known_body import KnownBody
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.vision.surprise.blobs import FALSE_ALARM, Blob, threshold_of
-from nico_selfmodel.vision.surprise.seen_places import all_judged, seen_places
+from nico_selfmodel.vision.surprise.seen_places import (
+    all_judged,
+    nothing_at,
+    seen_places,
+    spots_at,
+)
 from nico_selfmodel.vision.surprise.spot_middle import Middle, middle_of
 from nico_selfmodel.vision.surprise.surprise import Surprise
 
@@ -61,7 +66,8 @@ class MarkFinder:
 
     A spot is a pair of surprising places, one a camera, whose lines of sight meet
     (`estimation.mirrors.mark_place`). A mark is on me where spots of both looks agree in the frame
-    of one link: a spot on the glass moves with the glass, a shadow with the light. One of the four
+    of one link: a spot on the glass moves with the glass, a shadow with the light; or where one
+    look has a spot, and the other does not tell against it (`_unrefuted`). One of the four
     places must be so surprising that a picture of what was expected has it once in a hundred times,
     or all of them together must be (`surprising_together`).
     """
@@ -107,7 +113,7 @@ class MarkFinder:
                 Finding(ON_ME, p.link, p.p_FM, p.own + p.common, (spot,))
                 for spot, strong in spots
                 if (p := spot.place) is not None and strong and id(spot) not in known
-                and not self._judged(p, name, pair, judged)
+                and self._unrefuted(p, name, pair, judged)
             ]  # fmt: skip
         for kind in (ON_GLASS, NOT_ON_ME):
             found += [
@@ -142,19 +148,29 @@ class MarkFinder:
                 found.append(Finding(ON_ME, a.place.link, place, covariance, (a, b)))
         return found
 
-    def _judged(
+    def _unrefuted(
         self, place: LinkPlace, name: str, pair: Pair, surprises: Sequence[Surprise]
     ) -> bool:
-        """Return whether both cameras of a look judge where a place of the body is seen."""
+        """Return whether another look does not tell against a mark that it does not find.
+
+        It does not where a camera cannot judge where the mark should be seen; nor where one camera
+        sees something there beyond chance, and the other, which sees it from the side or against a
+        colour that it is like, judges where it should see it on the glass, and shows nothing there.
+        """
         X_WF = self._image.poses(pair[0].readings)[place.link]
         rig = MirrorRig(self._known.model.rig, self._known.mirror(name))
         pixels = rig.project(apply(X_WF, place.p_FM[None])[0])
         if not np.isfinite(pixels).all():
-            return False
-        return all(
-            all_judged(one, u, v)
-            for one, (u, v) in zip(surprises, pixels.reshape(2, 2).tolist(), strict=True)
-        )
+            return True
+        at = pixels.reshape(2, 2).tolist()
+        if not all(all_judged(one, u, v) for one, (u, v) in zip(surprises, at, strict=True)):
+            return True
+        for side, (u, v) in enumerate(at):
+            for blob in spots_at(surprises[side], u, v):
+                glass = other_sights(rig, side, [(blob.u, blob.v)], [np.nan])
+                if len(glass) and nothing_at(surprises[1 - side], *glass[0].tolist()):
+                    return True
+        return False
 
     def _spots(
         self,

@@ -32,7 +32,7 @@ on robots 0 and 1."""
 
 COLORS = (COLOR_SIGMA, 0.02, 0.04, 0.08)
 """What colours and light of a link may turn out not to be known by, as a share."""
-POINTS = (2.5e-4, 5e-4, 1e-3, 2e-3, POINT_SIGMA)
+POINTS = (2.5e-4, 3.5e-4, 5e-4, 7e-4, 1e-3, 1.4e-3, 2e-3, POINT_SIGMA)
 """What places of a link may turn out not to be known by [m]."""
 
 

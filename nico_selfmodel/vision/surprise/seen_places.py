@@ -96,6 +96,32 @@ def _merged(found: list[tuple[Blob, bool]]) -> list[tuple[Blob, bool]]:
     return merged
 
 
+def spots_at(surprise: Surprise, u: float, v: float) -> list[Blob]:
+    """Return what surprises beyond chance within 6 px of a place.
+
+    Args:
+        surprise: Of a picture.
+        u: Column of the place [px].
+        v: Row of the place [px].
+    """
+    return [
+        blob
+        for blob, sure in seen_places(surprise)
+        if sure and np.hypot(blob.u - u, blob.v - v) < _NEAR
+    ]
+
+
+def nothing_at(surprise: Surprise, u: float, v: float) -> bool:
+    """Return whether a place is judged, and nothing within 6 px is even weakly surprising.
+
+    Args:
+        surprise: Of a picture.
+        u: Column of the place [px].
+        v: Row of the place [px].
+    """
+    return all_judged(surprise, u, v) and not _expected(surprise.chi_square, [(u, v)]).any()
+
+
 def all_judged(surprise: Surprise, u: float, v: float, beside: int = _BESIDE) -> bool:
     """Return whether all places about one are judged.
 
