@@ -21,6 +21,7 @@ from nico_selfmodel.vision.boards.board_detection import AnyBoard, BoardDetectio
 from nico_selfmodel.vision.boards.board_images import stereo_pairs
 from nico_selfmodel.vision.boards.chessboard import Board, size_of_board
 from nico_selfmodel.vision.boards.exact_corners import WINDOW
+from nico_selfmodel.vision.images.image_array import turned_colors
 from nico_selfmodel.vision.images.image_file import looking_at, natural_key, read_image
 from nico_selfmodel.vision.images.not_seen import NotSeen
 
@@ -105,7 +106,7 @@ class Photographs(Mapping[str, NDArray]):
 
     def __getitem__(self, view: str) -> NDArray:
         view = self._own.get(view, view)
-        return np.ascontiguousarray(read_image(self._files[view])[:, :, ::-1])
+        return turned_colors(read_image(self._files[view]))
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._files)

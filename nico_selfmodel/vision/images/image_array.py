@@ -48,6 +48,11 @@ def as_color(image: NDArray) -> NDArray:
     return np.array(image) if np.ndim(image) == 3 else cv2.cvtColor(gray, cv2.COLOR_GRAY2BGR)
 
 
+def turned_colors(image: NDArray) -> NDArray:
+    """Return red, green, blue of blue, green, red, or back. Shape (h, w, 3), 8 bits."""
+    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+
+
 def bgr_of_rgba(image: NDArray) -> NDArray:
     """Return a picture of red, green, blue and opacity as blue, green, red. 8 bits."""
     return cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGBA2BGR)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.vision.images.image_array import between_pixels
+from nico_selfmodel.vision.images.image_array import between_pixels, turned_colors
 from nico_selfmodel.vision.images.image_file import encoded
 
 Photographs = Mapping[str, Mapping[str, NDArray]]
@@ -86,7 +86,7 @@ def shrunk(image: NDArray, width: int) -> NDArray:
 
 def jpeg(image: NDArray) -> bytes:
     """Return an image as a JPEG file. Shape (h, w, 3), red, green, blue, 8 bits."""
-    return encoded(np.ascontiguousarray(image[:, :, ::-1]), ".jpg", _QUALITY)
+    return encoded(turned_colors(np.ascontiguousarray(image)), ".jpg", _QUALITY)
 
 
 def png(image: NDArray) -> bytes:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.vision.color.color_blob import color_mask, find_color_blob
 from nico_selfmodel.vision.color.color_model import ColorModel
+from nico_selfmodel.vision.images.image_array import turned_colors
 from nico_selfmodel.vision.images.not_seen import NotSeen
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.plot_style import style
@@ -31,7 +32,7 @@ class ColorPicker:
         self._image, self._figure, self._radius = image, figure, radius
         self.clicks: list[tuple[float, float]] = []
         self.model: ColorModel | None = None
-        rgb = np.ascontiguousarray(image[:, :, ::-1])
+        rgb = turned_colors(np.ascontiguousarray(image))
         figure.set_layout_engine("constrained")
         self._photo, self._matched = figure.subplots(1, 2, sharex=True, sharey=True)
         for axes, title in ((self._photo, "photograph"), (self._matched, "what matches")):
