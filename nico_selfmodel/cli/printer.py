@@ -184,8 +184,8 @@ def _statistics(block: Mapping[str, Any], key: str) -> list[str]:
     return [count, *("-" if value is None else f"{value:#.3g}".rstrip(".") for value in values)]
 
 
-def parameters(document: Mapping[str, Any]) -> None:
-    """Print what was estimated, with sigmas; of many parameters only what follows from them."""
+def parameters(document: Mapping[str, Any], made: Path) -> None:
+    """Print what was estimated, with sigmas; of many only what follows, and where they are."""
     found = document["parameters"]
     rows = [_parameter(name, entry) for name, entry in found.items() if entry["free"]]
     count, derived = len(rows), derived_rows(found)
@@ -195,7 +195,8 @@ def parameters(document: Mapping[str, Any]) -> None:
         rows += [_parameter(name, found[name]) for name in derived]
         table("parameters", ("", "value", "sigma", "unit"), rows)
     if count > _MOST_PARAMETERS:
-        line(f"{count} parameters with their sigmas are in report.html")
+        where = "report.html" if (made / "report.html").exists() else "result.json"
+        line(f"{count} parameters with their sigmas are in {where}")
 
 
 def _parameter(name: str, entry: Mapping[str, Any]) -> list[str]:
@@ -259,7 +260,7 @@ def result(
         as_json(document)
         end(document)
     errors(name, parts or [(label, document[key]) for label, key in _PARTS if key in document])
-    parameters(document)
+    parameters(document, made)
     facts = fact_rows(document)
     if facts:
         table("what else was found", ("", "value"), facts)

@@ -41,11 +41,13 @@ def test_every_result_is_printed_in_one_form(said, name, words):
     assert code == 0
 
 
-def test_many_parameters_are_left_to_the_report(said):
+@pytest.mark.parametrize("where", ["report.html", "result.json"])
+def test_many_parameters_are_left_to_the_report_or_without_one_to_the_result(said, tmp_path, where):
+    (tmp_path / where).touch()
     text, _ = said("body")
     assert "M0.x" not in text
     assert "link.upper" in text
-    assert "parameters with their sigmas are in report.html" in text
+    assert f"parameters with their sigmas are in {where}" in text
 
 
 def test_a_result_that_fails_ends_with_one_and_its_reasons(said):

@@ -8,6 +8,7 @@ from nico_selfmodel.estimation.noise.joint_slips import FEWEST_SLIPS, slipped_jo
 from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 
+from ..slow_rest import slow_rest
 from .simulated_trees import one_arm
 
 VISITS, JOINTS, FREE = 100, 5, 6
@@ -91,3 +92,28 @@ def test_a_joint_that_jumps_is_named_by_one_marker_alone():
         assert len(words) == 1
         assert f"'j{j + 1}'" in words[0]
         assert np.degrees(found.solution.noise.joint.mean()) == pytest.approx(0.2, rel=0.15)
+
+
+QUIET = np.radians(0.02)
+BEHIND = [("camera", 4, 9105), ("points", 1, 9105), ("points", 3, 9107), ("points", 3, 9103)]
+
+
+@pytest.mark.parametrize(("sensor", "markers", "seed"), slow_rest(BEHIND, plain=2))
+def test_a_joint_that_jumps_far_is_not_taken_for_markers_that_are_wrong(sensor, markers, seed):
+    # Sixty times joint noise: all that the joint carries had been set aside at the start.
+    rng = np.random.default_rng((77, seed))
+    joints = int(rng.integers(5, 8))
+    j = int(rng.integers(1, joints - 1))
+    sim = one_arm(
+        seed,
+        joints=joints,
+        markers=markers,
+        sensor=sensor,
+        slip=(j, 0.12, 60.0 * QUIET),
+        joint_sigma=np.full(joints, QUIET),
+    )
+    found = calibrate_tree(sim.data, effects=(), seed=seed)
+    words = [w for w in judge(found).warnings if "the encoder of" in w]
+    assert len(words) == 1
+    assert f"'j{j + 1}'" in words[0]
+    assert not found.solution.outliers.any()

@@ -95,15 +95,31 @@ def slipped_joints(
     seldom = often.slipped.sum() < FEWEST_SLIPS
     if seldom or often.likelihood < before + OFTEN_AT:
         often = _Often(before, np.zeros_like(often.slipped), None)
-    elif loudest is not None:
+    else:
+        often = _refitted(asked, often)
+    if often.slipped.any() and loudest is not None:
         likelihood, louder = _louder_joints(asked, plain, whitening.noise.joint_sigma, loudest)
         if louder and likelihood > often.likelihood + _LOUDER_BY:
             return Slips(np.zeros_like(often.slipped), louder=louder)
-    out, t = often.slipped, plain.t
+    out = often.slipped
+    t = asked(1.0, out).odd if out.any() else plain.t
     visits = np.flatnonzero(~out.any(axis=1))
     worst = np.argmax(t[visits], axis=1)
     out[visits, worst] = t[visits, worst] > SLIPPED_AT
     return Slips(out, often.part)
+
+
+def _refitted(asked: Callable[[float, NDArray], "_Scores"], often: "_Often") -> "_Often":
+    """Return joints that slip often as fits tell that do not take these visits for sound.
+
+    What a large slip puts into the parameters, other visits pay for, as if all were loud.
+    """
+    for _ in range(_FITS):
+        found = _likeliest([asked(part, often.slipped) for part in _PARTS])[0]
+        if found.likelihood <= often.likelihood:
+            break
+        often = found
+    return often
 
 
 def _louder_joints(
@@ -181,6 +197,8 @@ class _Scores:
     """Information of a visit on the joint's reading. Shape (visits, m)."""
     likelihood: float
     """Restricted log likelihood without slips, but for a constant."""
+    odd: NDArray
+    """As `t`, of what a visit alone says against all others. Shape (visits, m)."""
 
     @classmethod
     def at(
@@ -195,7 +213,8 @@ class _Scores:
         """Ask at some noise.
 
         A reading that is off by d moves the residuals by a d, a = A_j: e = a'P r, c = a'S^-1 a, and
-        (e^2 + a'S^-1 J C J'S^-1 a) / c is about chi square of one freedom where nothing is off.
+        (e^2 + a'S^-1 J C J'S^-1 a) / c is about chi square of one freedom where nothing is off; in
+        a visit of which the fit took nothing of the joint e^2 / (c + a'S^-1 J C J'S^-1 a) is.
 
         Args:
             whitening: Of the poses, no joint freed.
@@ -216,10 +235,15 @@ class _Scores:
         c = np.einsum("gmm->gm", groups.products(SiA, A))
         along = groups.products(SiA, Jg)
         taken = np.sum((along @ C) * along, axis=2)
-        t = np.where(c < _TOLD, 0.0, (e**2 + taken) / np.maximum(c, _TOLD))
+        told = np.maximum(c, _TOLD)
+        t = np.where(c < _TOLD, 0.0, (e**2 + taken) / told)
+        odd = t
+        if slipped is not None:
+            alone = np.any(slipped, axis=1, keepdims=True) & (c >= _TOLD)
+            t, odd = np.where(alone, e**2 / told, t), np.where(alone, e**2 / (told + taken), t)
         left = float(np.sum(rows * whitening.inverse(rows)))
         determinants = whitening.log_determinant - np.linalg.slogdet(C)[1]
-        return cls(t, c, -0.5 * (left + float(determinants)))
+        return cls(t, c, -0.5 * (left + float(determinants)), odd)
 
     def louder(self, loudest: NDArray) -> tuple[int, float] | None:
         """Return the joint of which more noise at all visits explains most, and how much it is.
@@ -249,7 +273,8 @@ class _Scores:
         told, tries = (c > _TOLD).sum(axis=0), list[_Often]()
         asked = told >= min(_ENOUGH_TOLD, 0.5 * len(t))
         while left.any() and asked.any():
-            of = {j: _mixture(t[left, j], c[left, j]) for j in np.flatnonzero(asked).tolist()}
+            at = {j: (t[left, j], c[left, j], self.odd[left, j]) for j in np.flatnonzero(asked)}
+            of = {int(j): _mixture(*one) for j, one in at.items()}
             j = max(of, key=lambda one: of[one][0])
             gain, odds = of[j]
             if tries and gain < OFTEN_AT:
@@ -270,11 +295,11 @@ def _of_sizes(t: NDArray, c: NDArray) -> tuple[NDArray, float]:
     return 0.5 * t * x / (1.0 + x) - 0.5 * np.log1p(x), middle
 
 
-def _mixture(t: NDArray, c: NDArray) -> tuple[float, NDArray]:
+def _mixture(t: NDArray, c: NDArray, odd: NDArray) -> tuple[float, NDArray]:
     """Return the gain of the log likelihood by slips of one joint, and each visit's log odds."""
     B = _of_sizes(t, c)[0]
     p = _SHARES[:, None, None]
     gain = np.sum(np.logaddexp(np.log1p(-p), np.log(p) + B), axis=2)
     share, size = np.unravel_index(int(np.argmax(gain)), gain.shape)
-    odds = np.log(_SHARES[share] / (1.0 - _SHARES[share])) + B[size]
+    odds = np.log(_SHARES[share] / (1.0 - _SHARES[share])) + _of_sizes(odd, c)[0][size]
     return float(gain[share, size]), odds

@@ -13,6 +13,7 @@ from nico_selfmodel.errors import ContradictedError
 from nico_selfmodel.estimation.noise.joint_slips import Slips, slipped_joints
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.pose_noise import FREE_SIGMA, PoseWhitening
+from nico_selfmodel.estimation.tree.contradictions.hidden_slips import hidden_slips
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_noise import beside_shared, tree_whitening
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
@@ -45,7 +46,8 @@ def tested(
         outliers: Those that do not count, by row of the table. Boolean, shape (N,).
 
     Returns:
-        See `far_observations` and `slipped_joints`; outliers stay where a joint is louder.
+        See `far_observations` and `slipped_joints`, slips by `TreeObservations.visit`, with those
+        that outliers hid; outliers stay where a joint is louder.
     """
     own = noise.own
     linear, prior = beside_shared(data, linear, prior, noise.alike)
@@ -54,17 +56,24 @@ def tested(
     loudest = _LOUDEST * data.moved
     loudest[[*noise.loud]] = 0.0
     slips = slipped_joints(tree_whitening(data, linear, groups, own), r, J, prior, loudest)
+    by_visit = np.zeros((int(data.visit.max()) + 1, len(own.joint)), dtype=bool)
     if slips.louder:
-        return outliers, slips
+        return outliers, replace(slips, slipped=by_visit)
     found = slips.slipped & ~data.unread
+    by_visit[groups.numbers] = found
+    whitening = tree_whitening(data, linear, groups, own, found)
+    by_joint = linear.by_joint / scale[:, None]
     far = far_observations(
-        *(data, tree_whitening(data, linear, groups, own, found), r, J, prior, outliers),
-        by_joint=linear.by_joint / scale[:, None],
+        *(data, whitening, r, J, prior, outliers),
+        by_joint=by_joint,
         sigma=own.joint,
         slipped=found,
         took=linear.took,
     )
-    return far, replace(slips, slipped=found)
+    C = _covariance(whitening, groups.gather(J[:, None]), prior)
+    loose = np.where(by_visit[data.visit] | data.unread, FREE_SIGMA, own.joint)
+    hidden, far = hidden_slips(data, r, J, C, by_joint * loose, far, _limits(data))
+    return far, replace(slips, slipped=by_visit | hidden)
 
 
 def far_observations(
@@ -143,6 +152,14 @@ def _limit(k: int) -> float:
     return as_rare_as(OUTLIER_AT**2, 3, k)
 
 
+def _limits(data: TreeObservations) -> NDArray:
+    """Return `_limit` of each row of the table. Shape (N,)."""
+    limits = np.ones(len(data.data.observations))
+    for rows in data.sensors:
+        limits[rows.rows] = _limit(rows.measured.shape[1])
+    return limits
+
+
 def _covariance(whitening: PoseWhitening, Jg: NDArray, prior: NDArray) -> NDArray:
     """Return C of the free parameters, what nothing tells as good as unknown. (p, p)."""
     return covariance_told_by(Jg.T @ whitening.inverse(Jg) + np.diag(prior))
@@ -150,14 +167,6 @@ def _covariance(whitening: PoseWhitening, Jg: NDArray, prior: NDArray) -> NDArra
 
 def _squares(matrix: NDArray, e: NDArray) -> NDArray:
     return np.sum(e * np.linalg.solve(matrix, e[:, :, None])[:, :, 0], axis=1)
-
-
-def regrouped(slipped: NDArray, old: PoseGroups, new: PoseGroups) -> NDArray:
-    """Return what slipped by the visits that still count. (visits, m) of the old and the new."""
-    out = np.zeros((new.poses, slipped.shape[1]), dtype=bool)
-    _, a, b = np.intersect1d(old.numbers, new.numbers, return_indices=True)
-    out[b] = slipped[a]
-    return out
 
 
 def check_that_some_agree(

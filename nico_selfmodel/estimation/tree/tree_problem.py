@@ -20,7 +20,7 @@ from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
 from nico_selfmodel.estimation.tree.forward.joint_errors import joint_errors
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
-from nico_selfmodel.estimation.tree.pose_tests import check_that_some_agree, regrouped, tested
+from nico_selfmodel.estimation.tree.pose_tests import check_that_some_agree, tested
 from nico_selfmodel.estimation.tree.tree_block import TreeBlock
 from nico_selfmodel.estimation.tree.tree_noise import (
     likeliest_alike,
@@ -191,7 +191,7 @@ class TreeProblem:
         left = self.residuals.residuals(values) / self.scale
         found = standing_out(data, left) if outliers is None else outliers
         found = found if trim else np.zeros_like(found)
-        groups = self.observations.groups(found)
+        groups = data.groups(found)
         slipped = np.zeros((groups.poses, len(data.noisy_joints)), dtype=bool)
         known, steps, rounds = False, 0, 0
         while rounds < _ROUNDS:
@@ -202,21 +202,21 @@ class TreeProblem:
             if known and not self._noise_known:
                 noise = likeliest_noise(*self._asking(linear, groups, slipped, values))
                 self.noise = replace(noise, joint=self._joint_part * noise.joint)
-            whitening = tree_whitening(self.observations, linear, groups, self.noise, slipped)
-            solution = self.program(values, whitening, linear.pulled).solve(
-                max_iterations=_STEPS_BETWEEN, tolerance=1e-7
-            )
+            whitening = tree_whitening(data, linear, groups, self.noise, slipped)
+            program = self.program(values, whitening, linear.pulled)
+            solution = program.solve(max_iterations=_STEPS_BETWEEN, tolerance=1e-7)
             values, steps = self._with(values, solution.x), steps + solution.iterations
             linear = self._about_poses(values, groups, slipped, found)
-            now_slipped, now_found = slipped, found
+            now_slipped, now_found, new = slipped, found, groups
             settled = not known or self._learned_priors(values, found, slipped)
             if known and trim:
                 ask = not self._noise_known
-                now_slipped, now_found = self._tested(linear, groups, found, louder=ask)
-            new = self.observations.groups(now_found)
+                by_visit, now_found = self._tested(linear, groups, found, louder=ask)
+                new = data.groups(now_found)
+                now_slipped = by_visit[new.numbers]
             same = np.array_equal(now_found, found) and np.array_equal(now_slipped, slipped)
             check_that_some_agree(new, data, now_found)
-            slipped, found, groups = regrouped(now_slipped, groups, new), now_found, new
+            slipped, found, groups = now_slipped, now_found, new
             rounds += self.noise.loud == before.loud  # a joint is found to be loud once at most
             if same and self.noise.is_like(before) and settled:
                 break
@@ -243,7 +243,8 @@ class TreeProblem:
             if trim and any(one.turns is not None for one in found.alike):
                 # What a sensor's turns share had been taken for slips of joints.
                 linear = self._about_poses(values, groups, slipped, outliers)
-                slipped = self._tested(linear, groups, outliers, louder=False)[0]
+                by_visit = self._tested(linear, groups, outliers, louder=False)[0]
+                slipped = by_visit[groups.numbers]
         return slipped
 
     def solve_from(self, before: TreeSolution) -> TreeSolution:
@@ -388,7 +389,7 @@ class TreeProblem:
     def _tested(
         self, linear: TreeLinear, groups: PoseGroups, outliers: NDArray, *, louder: bool
     ) -> tuple[NDArray, NDArray]:
-        """Return what slipped and what is an outlier at the solution; ask for louder joints too."""
+        """Return what slipped, by visit, and what is an outlier; ask for louder joints too."""
         prior = tree_priors.information_of(self.priors, self.free_names)
         mine = replace(linear, J=linear.J[self.columns])
         all_of_them = frozenset(range(len(self.noise.joint)))
