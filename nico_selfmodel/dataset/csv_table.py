@@ -145,7 +145,10 @@ class CsvTable:
         Raises:
             DataError: If there is no such column.
         """
-        return np.array(list(map(str.strip, self.cells(column))), dtype=np.str_)
+        cells = self.cells(column)
+        if len(set(cells)) == 1:  # as where one sensor sees one marker
+            return np.full(len(cells), cells[0].strip())
+        return np.array(list(map(str.strip, cells)), dtype=np.str_)
 
     def integers(self, column: str) -> npt.NDArray[np.int64]:
         """Return a column of whole numbers. Shape (N,).

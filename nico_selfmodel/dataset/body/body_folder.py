@@ -288,14 +288,16 @@ def _indices(
     table: CsvTable, column: str, names: Sequence[str], rows: NDArray | None = None
 ) -> NDArray:
     index = {name: k for k, name in enumerate(names)}
-    cells = table.texts(column).tolist()
-    found = np.array([index.get(cell, -1) for cell in cells], dtype=np.int64)
+    cells = table.cells(column)
+    place = {cell: index.get(cell.strip(), -1) for cell in set(cells)}
+    found = np.fromiter(map(place.__getitem__, cells), np.int64, len(cells))
     unknown = found < 0 if rows is None else (found < 0) & rows
     if unknown.any():
         row = int(np.argmax(unknown))
+        name = cells[row].strip()
         raise DataError(
-            f"{table.where(row, column)}: {shown(cells[row])} is not listed in dataset.yaml; there "
-            f"are {listed(names, cells[row])}"
+            f"{table.where(row, column)}: {shown(name)} is not listed in dataset.yaml; there "
+            f"are {listed(names, name)}"
         )
     return found
 
