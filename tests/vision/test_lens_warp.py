@@ -96,3 +96,26 @@ def test_a_part_of_a_picture_is_bent_as_the_whole_is(window, k1):
     )
     whole[top:bottom, left:right] = part
     np.testing.assert_array_equal(warp.apply_to_part(part, window, color), warp.apply(whole))
+
+
+def test_what_has_no_ray_tells_a_turned_camera_nothing_of_where_to_look():
+    # Such samples are far outside: a view of them all would be as large as the memory.
+    folding = replace(CAMERA, k1=-0.5, k2=0.0, k3=0.0, p1=0.0)
+    warp = LensWarp.from_camera(folding, 2)
+    rays = warp.rays.reshape(-1, 2).astype(float)
+    rays = rays[(rays < 100.0).all(axis=1)]
+    x, y = rays[np.argmax(rays.sum(axis=1))]  # at the edge of what the lens sees
+    way = np.array([x, y, 1.0]) / np.linalg.norm([x, y, 1.0])
+    region, shown = warp.region_in(way, 1.0)  # a hand close to it
+    samples = warp.rays[region.samples][shown.repeat(2, axis=0).repeat(2, axis=1)]
+    lit = (samples < 100.0).all(axis=1)
+    assert 0 < lit.sum() < len(lit)
+    told = warp.rays_of(region, shown)
+    assert np.array_equal(told.min(axis=0), samples[lit].min(axis=0))
+    assert np.array_equal(told.max(axis=0), samples[lit].max(axis=0))
+
+
+def test_of_pixels_without_rays_there_is_nothing_to_turn_to():
+    warp = LensWarp.from_camera(replace(CAMERA, k1=-0.5, k2=0.0, k3=0.0, p1=0.0), 2)
+    region, shown = warp.region_in(np.array([0.0, 0.0, 1.0]), 3.0)
+    assert len(warp.rays_of(region, shown & warp.dark[region.pixels])) == 0

@@ -112,8 +112,11 @@ class MountedCamera:
             if found is None:
                 continue
             region, shown = found
+            rays = warp.rays_of(region, shown)
+            if not len(rays):
+                continue
             try:
-                rendered, H = pinhole.turned_to(query, warp.rays_of(region, shown))
+                rendered, H = pinhole.turned_to(query, rays)
             except RuntimeError as error:
                 raise self._unable(error) from error
             looks.append(Look(region.pixels, shown, warp.bend_region(rendered, region, H)))

@@ -213,19 +213,26 @@ class LensWarp:
     def rays_of(self, region: "Region", shown: NDArray) -> NDArray:
         """Return X/Z, Y/Z of all samples of the pixels that others of a region lie between.
 
+        Samples without a ray stay black, and tell a camera nothing of where to turn.
+
         Args:
             region: It.
             shown: The pixels. Boolean, shape (rows, columns).
+
+        Returns:
+            Shape (N, 2); of none where no pixel has a ray.
         """
+        s, rays = self.supersample, self.rays[region.samples]
+        lit = np.all(rays < _NOWHERE, axis=2)
+        of_pixel = lit.reshape(shown.shape[0], s, shown.shape[1], s)
         within = cv2.erode(
-            shown.astype(np.uint8),
+            (shown & of_pixel.all(axis=(1, 3))).astype(np.uint8),
             np.ones((3, 3), np.uint8),
             borderType=cv2.BORDER_CONSTANT,
             borderValue=(0.0,),
         )
         sides = shown & (within == 0)
-        fine = sides.repeat(self.supersample, axis=0).repeat(self.supersample, axis=1)
-        return self.rays[region.samples][fine].astype(float)
+        return rays[sides.repeat(s, axis=0).repeat(s, axis=1) & lit].astype(float)
 
     def _region(self, rows: slice, columns: slice) -> "Region":
         s = self.supersample
