@@ -2,14 +2,17 @@
 
 A joint that is read wrongly by any angle moves a point along one line, that of its derivative by
 the joint. Whitened, with e what a point is off by, c that derivative and rest = e'e - (c'e)^2/c'c,
-the point is as likely as exp(-rest / 2) / 2 pi across the line. A point that is wrong in any way
-lies in any direction: on half a sphere of radius |e|. The ratio of both,
+the point is as likely as exp(-rest / 2) / (2 pi)^((k - 1) / 2) across the line, in k coordinates. A
+point that is wrong in any way lies in any direction: on half a sphere of radius |e|, of the area
+pi^(k/2) |e|^(k-1) / Gamma(k/2). The ratio of both,
 
-    B = e'e exp(-rest / 2),
+    B = pi^(k/2) / Gamma(k/2) (e'e / 2 pi)^((k-1)/2) exp(-rest / 2),
 
-is weighed for each joint over all points, of which half may be wrong in another way:
-sum log (1 + B) / 2, a logarithm of likelihoods.
+in space e'e exp(-rest / 2), is weighed for each joint over all points, of which half may be wrong
+in another way: sum log (1 + B) / 2, a logarithm of likelihoods.
 """
+
+from math import lgamma
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,14 +30,14 @@ def misread_joints(
     """Return which joint may have been read wrongly where points were set aside.
 
     Args:
-        residuals: Measured minus predicted, of these points [m]. Shape (N, 3).
-        by_angle: Derivatives of them by the joint angles. Shape (N, 3, n).
-        covariance: Of what is expected of each [m^2]. Shape (N, 3, 3).
+        residuals: Measured minus predicted, of these points. Shape (N, k).
+        by_angle: Derivatives of what is predicted by the joints. Shape (N, k, n).
+        covariance: Of what is expected of each. Shape (N, k, k).
 
     Returns:
         The likeliest joint and those that the points do not tell from it, none where no joint
         explains them; and by how much the likeliest was off at each point, nan where another cause
-        is likelier [rad]. Shape (N,).
+        is likelier [the joints' unit]. Shape (N,).
     """
     off = np.full(len(residuals), np.nan)
     if len(residuals) < FEWEST_SLIPS:
@@ -45,7 +48,10 @@ def misread_joints(
     power = np.maximum(np.sum(c * c, axis=1), np.finfo(float).tiny)
     angle = np.einsum("nak,na->nk", c, e) / power
     square = np.sum(e * e, axis=1)[:, None]
-    ratio = np.log(square) - 0.5 * (square - angle**2 * power)
+    k = residuals.shape[1]
+    sphere = 0.5 * k * np.log(np.pi) - lgamma(0.5 * k)
+    ways = sphere + 0.5 * (k - 1) * np.log(square / (2.0 * np.pi))
+    ratio = ways - 0.5 * (square - angle**2 * power)
     gain = np.sum(np.logaddexp(0.0, ratio) - np.log(2.0), axis=0)
     best = int(np.argmax(gain))
     if gain[best] - np.log(len(gain)) < OFTEN_AT:

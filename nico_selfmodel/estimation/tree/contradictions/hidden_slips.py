@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.diagnosis.misread_joint import misread_joints
 from nico_selfmodel.estimation.noise.joint_slips import FEWEST_SLIPS
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 
@@ -24,10 +25,8 @@ _FEWEST = 2
 _FEWEST_SCALARS = 3
 _MOST_BESIDE = 0.5
 """Outliers that it leaves, of those that it explains, up to which it is taken for a slip."""
-_FEWEST_BEYOND = 2
-"""Scalars of outliers beyond which a joint that slips often may explain those of one pose."""
-_MOST = 0.6
-"""Part of the poses with outliers that it must explain."""
+_FEWEST_ALONE = 3
+"""Scalars of one pose from which on poses together tell which joint slipped in them."""
 _FAR = 50.0
 """Fall of the sum of squares below which nothing was far off."""
 _MOVED = 1e-9
@@ -99,24 +98,30 @@ def hidden_slips(
 def _often(
     poses: list[tuple[int, PoseRows]], outliers: NDArray, limit: NDArray
 ) -> list[tuple[int, int, NDArray]]:
-    """Return visits, joint and outliers that it explains, where one joint explains most poses.
+    """Return visits, the joint that slipped in them all, and the outliers that this explains.
 
     One marker alone tells no slip from a wrong label; many do, if one joint moves it there.
     """
-    found: list[list[tuple[int, int, NDArray]]] = []
-    far = [(visit, pose) for visit, pose in poses if outliers[pose.row].sum() > _FEWEST_BEYOND]
-    for joint in range(far[0][1].A.shape[1] if far else 0):
-        own = []
-        for visit, pose in far:
-            before = np.unique(pose.row[outliers[pose.row]])
-            if (
-                pose.gains[joint] > _FAR
-                and np.isin(before, _fitting(pose, pose.A[:, joint], outliers, limit)).all()
-            ):
-                own.append((visit, joint, before))
-        found.append(own)
-    best = max(found, key=len, default=[])
-    return best if len(best) >= max(FEWEST_SLIPS, _MOST * len(far)) else []
+    own = [outliers[pose.row] for _, pose in poses]
+    counts = [int(one.sum()) for one in own]
+    k = max(set(counts), key=counts.count, default=0)
+    alike = [(v, p, o) for (v, p), o, count in zip(poses, own, counts, strict=True) if count == k]
+    if k < _FEWEST_ALONE:
+        return []
+    e, A, V = (
+        np.stack(one)
+        for one in zip(*((p.e[o], p.A[o], p.V[np.ix_(o, o)]) for _, p, o in alike), strict=True)
+    )
+    joints, off = misread_joints(e, A, V)
+    if len(joints) != 1:  # what does not tell one joint from another stays set aside
+        return []
+    told = [one for one, size in zip(alike, off, strict=True) if np.isfinite(size)]
+    found = []
+    for visit, pose, out in told:
+        before = np.unique(pose.row[out])
+        if np.isin(before, _fitting(pose, pose.A[:, joints[0]], outliers, limit)).all():
+            found.append((visit, joints[0], before))
+    return found if len(found) >= FEWEST_SLIPS else []
 
 
 def _slip_in(pose: PoseRows, outliers: NDArray, limit: NDArray) -> tuple[int, NDArray] | None:
@@ -158,6 +163,6 @@ def _fitting(pose: PoseRows, a: NDArray, outliers: NDArray, limit: NDArray) -> N
 
 
 def _distance(P: NDArray, Pe: NDArray, own: NDArray) -> float:
-    """Return e' P P_oo^-1 P e of some scalars."""
+    """Return (P e)_o' P_oo^-1 (P e)_o of some scalars. Shapes (K, K), (K,) and (k,)."""
     Poo = P[np.ix_(own, own)] + 1e-9 * np.eye(len(own))
     return float(Pe[own] @ np.linalg.solve(Poo, Pe[own]))
