@@ -21,6 +21,15 @@ def _positive(param: typer.CallbackParam, value: float | None) -> float | None:
     return value
 
 
+def _square_mm(param: typer.CallbackParam, value: float | None) -> float | None:
+    if value is not None and 0.0 < value < 0.5:
+        raise ValueError(
+            f"{param.opts[-1]} {value:g}: squares of {value:g} mm are hardly seen; if these are "
+            f"metres, give {1e3 * value:g}"
+        )
+    return _positive(param, value)
+
+
 def _share(param: typer.CallbackParam, value: float | None) -> float | None:
     if value is not None and not 0.0 < value < 1.0:
         raise ValueError(
@@ -200,13 +209,13 @@ SquareMm = Annotated[
     typer.Option(
         "--square-mm",
         help="Side of a square; of tags and circles, their distance.",
-        callback=_positive,
+        callback=_square_mm,
     ),
 ]
 TagMm = Annotated[
     float | None,
     typer.Option(
-        "--tag-mm", help="Side of a board's tags, diameter of its circles.", callback=_positive
+        "--tag-mm", help="Side of a board's tags, diameter of its circles.", callback=_square_mm
     ),
 ]
 Window = Annotated[int, _WINDOW]

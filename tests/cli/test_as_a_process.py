@@ -34,6 +34,12 @@ def test_help_loads_nothing_that_is_slow(words):
     assert loaded_by(words) == (0, set())
 
 
+def test_python_runs_the_package_as_the_command():
+    words = [sys.executable, "-m", "nico_selfmodel", "--version"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert done.stdout.strip().startswith("nico-selfmodel ")
+
+
 def test_a_refusal_loads_no_more_than_it_looks_at(tmp_path):
     there = tmp_path / "there"
     there.mkdir()

@@ -124,6 +124,7 @@ def test_a_self_model_of_another_version_is_refused(result, tmp_path, command, r
         (("--robot", "nico", "--arm", "left_arm"), "left_"),
         (("--fix", "right_elbow.gaer"), "right_elbow.gear"),
         (("--fix", "right_elbow.r=long"), "long"),
+        (("--fix", "right_elbow.alpha=90"), "if these are degrees, give 1.5708"),
         (("--method", "magic"), "magic"),
         (("--loss", "magic"), "trimmed"),
         (("--test-fraction", "1.5"), "--test-fraction"),
@@ -150,6 +151,11 @@ def test_wrong_readings_for_a_prediction_are_explained(result, command):
 
 def test_a_view_of_nothing_is_explained(tmp_path, command):
     assert_one_clear_line(command("view", tmp_path / "nothing"), "nothing")
+
+
+def test_a_self_model_is_no_scene(result, tmp_path, command):
+    done = command("view", result / "self_model.yaml", "--out", tmp_path / "page.html")
+    assert_one_clear_line(done, "self_model.yaml is no scene")
 
 
 def test_a_world_that_does_not_exist_is_explained(tmp_path, command):
@@ -193,6 +199,14 @@ def test_options_that_would_be_ignored_are_refused(options, word, recorded, tmp_
         (("choose-poses", "m", "--count=-3"), "expected at least 1, got '-3'. See: "),
         (("choose-poses", "m", "--count", "x"), "expected a whole number, got 'x'. See: "),
         (("choose-poses", "m", "--cuont", "1"), "--cuont"),
+        (
+            ("calibrate", "camera", "d", "--board", "7x5", "--square-mm", "0.03", "--out", "o"),
+            "if these are metres, give 30",
+        ),
+        (
+            ("markers", "board", "--board", "7x5", "--square-mm", "0.03", "--out", "o.pdf"),
+            "if these are metres, give 30",
+        ),
         (
             ("calibrate", "kinematics", "d", "--out", "o", "--starts", 99999999999999999999),
             "expected at most 1000000, got '99999999999999999999'. See: ",

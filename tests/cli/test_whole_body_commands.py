@@ -116,7 +116,10 @@ def test_mirrors_that_a_body_cannot_learn_are_one_clear_line(before_mirrors, com
     save_dataset(mirror_body(2).watch("middle", 4), arm := tmp_path / "arm")
     for words, said in (
         ((seen, "--model", tmp_path / "dark"), "has no cameras"),
-        ((tmp_path / "one", "--model", model), "is unobservable: 1 sight of reflections"),
+        (
+            (tmp_path / "one", "--model", model),
+            "is unobservable: 1 reflection does not",
+        ),
         ((tmp_path / "direct", "--model", model), "has no reflection"),
         ((seen, "--model", model, "--loss", "huber"), "--loss would change nothing"),
         ((arm, "--model", model), "not a self-model"),

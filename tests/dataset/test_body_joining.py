@@ -57,6 +57,12 @@ def test_recordings_with_other_sensors_and_markers_have_all_of_them_together(day
     assert len(all_joined([tracked, first, second], "three").sample) == 9
 
 
+def test_a_recording_that_is_given_twice_is_refused(days):
+    first, second = days
+    with pytest.raises(DataError, match=r"recordings 1 .*, 3 .* are one and the same"):
+        all_joined([first, second, replace(first, name="copy")], "all")
+
+
 def test_a_name_that_means_something_else_is_refused_with_what_differs(days):
     first, second = days
     lens = (

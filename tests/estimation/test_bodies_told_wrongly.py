@@ -13,6 +13,7 @@ from nico_selfmodel.estimation.monitoring.body_health import check_body_health
 from nico_selfmodel.estimation.monitoring.body_relearning import rezero_body
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+from nico_selfmodel.estimation.tree.tree_findings import tree_findings
 from nico_selfmodel.estimation.tree.tree_result import body_model
 from nico_selfmodel.estimation.tree.tree_setup import Description, Wishes
 
@@ -25,10 +26,15 @@ def arm():
 
 
 @pytest.fixture(scope="module")
-def places(arm):
+def learned(arm):
+    """What the data alone say."""
+    return calibrate_tree(arm, effects=())
+
+
+@pytest.fixture(scope="module")
+def places(learned):
     """Where tags are said to be by the data alone."""
-    found = calibrate_tree(arm, effects=())
-    return dict(zip(found.parameters.names, found.values.tolist(), strict=True))
+    return dict(zip(learned.parameters.names, learned.values.tolist(), strict=True))
 
 
 @pytest.fixture(scope="module")
@@ -132,3 +138,15 @@ def test_a_recording_of_touches_alone_is_not_watched_and_says_so(arm):
     ruler = (SensorInfo("ruler", "distance", sigma=1e-4),)
     with pytest.raises(DataError, match="nothing that a camera or tracker saw"):
         check_body_health(body, replace(arm, sensors=ruler, observations=touches))
+
+
+@pytest.mark.parametrize(
+    ("times", "doubted"), [(12.0, True), pytest.param(8.0, False, marks=pytest.mark.slow)]
+)
+def test_a_sensor_that_measures_far_better_than_it_is_said_to_is_doubted(
+    arm, learned, times, doubted
+):
+    sigma = times * float(learned.solution.noise.sensor[0])
+    told = tuple(replace(sensor, sigma=sigma) for sensor in arm.sensors)
+    words = tree_findings(calibrate_tree(replace(arm, sensors=told), effects=()))
+    assert any("is the unit of its sigma right?" in word.text for word in words) == doubted

@@ -175,7 +175,7 @@ def test_what_cannot_be_a_mirror_is_refused(looked):
     with pytest.raises(DataError, match="has no reflection"):
         calibrate_body_mirrors(data.of_rows(table.mirror == ""), body)
     few = data.of_rows(np.flatnonzero(table.mirror == "near")[:1])
-    with pytest.raises(NotIdentifiableError, match="'near' is unobservable: 1 sight of"):
+    with pytest.raises(NotIdentifiableError, match="'near' is unobservable: 1 reflection does not"):
         calibrate_body_mirrors(few, body)
     strange = replace(data, markers=(replace(data.markers[0], name="tail"), *data.markers[1:]))
     with pytest.raises(DataError, match="both must be of one robot"):

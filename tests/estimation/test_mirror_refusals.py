@@ -24,6 +24,8 @@ def test_data_of_another_body_are_refused():
     renamed = replace(data.joints[0], name="other")
     with pytest.raises(DataError, match="joints"):
         calibrate_mirrors(replace(data, joints=(renamed, *data.joints[1:])), body())
+    with pytest.raises(DataError, match=r"480 pixels, the images of data set .* have 1280 x 960"):
+        calibrate_mirrors(replace(data, image_size=(1280, 960)), body())
     with pytest.raises(DataError, match="does not know; it knows hand"):
         calibrate_mirrors(replace(data, marker=np.full(3, "tool")), body())
     with pytest.raises(ValueError, match="no loss"):
@@ -36,7 +38,7 @@ def test_one_sighting_by_one_camera_is_not_enough():
     data = recording(poses(1))
     pixels = data.pixels.copy()
     pixels[:, 2:] = np.nan
-    with pytest.raises(NotIdentifiableError, match="1 sight of reflections by one camera"):
+    with pytest.raises(NotIdentifiableError, match="1 reflection seen by one camera alone"):
         calibrate_mirrors(replace(data, pixels=pixels), body())
 
 

@@ -345,8 +345,9 @@ def test_what_a_flange_that_turns_on_the_spot_about_one_axis_leaves_open_is_told
     assert any("turned about it" in reason for reason in reasons)
 
 
-def test_a_flange_that_hardly_turned_is_refused():
-    _, _, F, M = hand_eye_poses(np.random.default_rng(0), 5, turns=np.array([0.0, 0.0, 0.01]))
+@pytest.mark.parametrize("poses", [1, 5])
+def test_a_flange_that_hardly_turned_is_refused(poses):
+    _, _, F, M = hand_eye_poses(np.random.default_rng(0), poses, turns=np.array([0.0, 0.0, 0.01]))
     with pytest.raises(DataError, match="the flange hardly turned"):
         calibrate_tree(flange_dataset(F, M))
 

@@ -9,7 +9,7 @@ from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
 from nico_selfmodel.estimation.judging import judge, to_json
-from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
+from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters, priors_of
 from nico_selfmodel.model.arm.dh_table import DhTable
 
 from ..slow_rest import slow_rest
@@ -202,11 +202,26 @@ def test_an_unknown_name_is_answered_with_a_suggestion(make_truth, learn, name, 
         (["a.r="], [], "'' is not a number"),
         (["a.r=nan"], [], "not a finite number"),
         (["a.r"], ["a.r"], "a.r: fixed and freed at once"),
+        (["a.alpha=90"], [], "--fix a.alpha=90: 90 rad is more than a turn; .* give 1.5708"),
+        (["a.r=250"], [], "--fix a.r=250: 250 m is far; if these are mm, give 0.25"),
+        (["left.fx=0.004"], [], "--fix left.fx=0.004: focal lengths are in pixels"),
     ],
 )
 def test_words_that_make_no_sense_are_refused(pin, free, message):
     with pytest.raises(ValueError, match=message):
         FixedParameters.from_text(pin, free)
+
+
+def test_a_prior_in_another_unit_is_refused():
+    with pytest.raises(ValueError, match=r"--prior hand.x=150,2: 150 m is far"):
+        priors_of(["hand.x=150,2"])
+    assert priors_of(["hand.x=0.15,0.002"]) == {"hand.x": (0.15, 0.002)}
+
+
+def test_words_at_the_edge_of_their_units_are_taken():
+    words = ["a.alpha=-6.28", "a.r=20", "left.fx=1", "a.theta_offset=40"]
+    values = FixedParameters.from_text(words).pinned.values()
+    assert list(values) == [-6.28, 20.0, 1.0, 40.0]
 
 
 def test_words_are_read_as_names_and_values():

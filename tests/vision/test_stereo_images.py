@@ -41,6 +41,13 @@ def test_pairs_come_in_the_order_of_their_numbers(folder):
     assert [name for name, _ in camera_images(folder, "right")] == ["1", "2", "10"]
 
 
+def test_copies_of_photographs_are_left_out_by_name(folder):
+    found = detect_boards(folder, BOARD, 4)
+    with pytest.warns(UserWarning, match="copies of photographs are left out: 2 of 1, 10 of 1"):
+        views = found.seen_views
+    assert views.names == ("1",)
+
+
 def test_a_single_pair_needs_no_number(tmp_path, board_image):
     for name in ("Left.PNG", "right.jpg"):
         cv2.imwrite(str(tmp_path / name), board_image)

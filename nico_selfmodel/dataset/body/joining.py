@@ -71,7 +71,15 @@ def joined(first: BodyDataset, second: BodyDataset, name: str) -> BodyDataset:
 
 
 def all_joined(recordings: Sequence[BodyDataset], name: str) -> BodyDataset:
-    """Return recordings of one body as one, see `joined`."""
+    """Return recordings of one body as one, see `joined`.
+
+    Raises:
+        DataError: If one is given twice, which would count as evidence, or they do not fit.
+    """
+    held = [(r.readings.tobytes(), r.observations.values.tobytes()) for r in recordings]
+    twice = [f"{k} ({r.name})" for k, r in enumerate(recordings, 1) if held.count(held[k - 1]) > 1]
+    if twice:
+        raise DataError(f"recordings {listed(twice)} are one and the same: give it once")
     return replace(reduce(lambda one, other: joined(one, other, name), recordings), name=name)
 
 

@@ -9,7 +9,6 @@ from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
 from nico_selfmodel.estimation.observations.matching import (
-    check_units,
     reading_columns,
 )
 from nico_selfmodel.estimation.observations.observations import Observations
@@ -77,7 +76,6 @@ def evaluate(model: SelfModel, dataset: Dataset) -> Evaluation:
         DataError: If joints, units or markers differ, or nothing was measured.
     """
     columns = reading_columns(model, dataset)
-    check_units(model, dataset)
     seen = dict.fromkeys(dataset.marker[dataset.measured].tolist())
     unknown = [m for m in seen if m not in model.markers]
     if unknown:

@@ -2,9 +2,6 @@
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from nico_selfmodel.errors import NotConvergedError
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
 from nico_selfmodel.estimation.noise.pose_refinement import arm_program, refine_by_pose
 from nico_selfmodel.estimation.observations.hand_residuals import DhResiduals
@@ -82,27 +79,17 @@ def refine_named(
         found = solve_robustly(program, 0, loss)
         # Written anew, so that the base's turn is the shortest one, as in a saved model.
         start = replace(start.with_values(found.solution.x), turn=None)
-        _require_gears(start, pins)
+        pins.refuse_turned_gears(start.servos.gear)
     solved = refine_by_pose(
         observations, start, free, found.outliers, sigma * found.scale, trim=loss != "none"
     )
-    _require_gears(solved.parameters, pins)
+    pins.refuse_turned_gears(solved.parameters.servos.gear)
     return replace(
         solved,
         parameters=replace(solved.parameters, turn=None),
         converged=solved.converged and found.solution.converged,
         iterations=solved.iterations + found.iterations,
     )
-
-
-def _require_gears(parameters: DhParameters, pins: FixedParameters) -> None:
-    if np.any(parameters.servos.gear <= 0.0):
-        asked = f" with {', '.join(sorted(pins.names))} as asked" if pins.names else ""
-        advice = "check the values and what the data say without them"
-        raise NotConvergedError(
-            f"no arm fits the data{asked}: a gear turned negative on the way; "
-            f"{advice if asked else 'record more poses that differ'}"
-        )
 
 
 def dh_program(

@@ -18,7 +18,6 @@ from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.held_out import held_out_of
-from nico_selfmodel.errors import NotConvergedError
 from nico_selfmodel.estimation.bending.ladder import Ladder, climb
 from nico_selfmodel.estimation.bending.steps import STEPS
 from nico_selfmodel.estimation.body.bending_body import BendingBody
@@ -284,11 +283,7 @@ class _Task:
             iterations += lines.solution.iterations
         values = {} if self.pins.only_gears else self._pinned_values()
         found = problem.by_name(arm, rig, self.free_names(arm), lines, values)
-        if np.any(arm_and_cameras(found)[0].gears <= 0.0):
-            raise NotConvergedError(
-                f"no arm fits the data with {', '.join(sorted(self.pins.names))} as asked: a gear "
-                "turned negative on the way"
-            )
+        self.pins.refuse_turned_gears(arm_and_cameras(found)[0].gears)
         return found, iterations + found.solution.iterations
 
     def _pinned_values(self) -> dict[str, float]:

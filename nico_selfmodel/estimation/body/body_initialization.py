@@ -9,6 +9,7 @@ from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
 from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
+from nico_selfmodel.estimation.observations.matching import check_images
 from nico_selfmodel.estimation.observations.observations import gears_known
 from nico_selfmodel.estimation.observations.pixel_observations import (
     PixelObservations,
@@ -52,10 +53,11 @@ def reconstructed(dataset: Dataset, model: SelfModel, pinned: frozenset[str] | N
         Data with measured points in the left camera's frame and without pixels.
 
     Raises:
-        DataError: If too few rows were seen by both cameras.
+        DataError: If images are of another size, or too few rows were seen by both cameras.
         ModelError: If the model has not both cameras.
     """
     model = in_left_camera(model)
+    check_images(model, dataset)
     observations = PixelObservations.from_dataset(dataset)
     unknown = () if pinned is None else _unknown(observations, pinned)
     # Each pose that both cameras saw gives three equations.

@@ -205,7 +205,8 @@ def pair_start(
         )
     except ValueError as error:
         raise EstimationError(
-            f"no relative pose of the cameras: {error} Or are both images from the same camera?"
+            f"no relative pose of the cameras: {error} Or are both images from the same camera, or "
+            "was a camera told what it is not?"
         ) from error
     # The boards' size gives the baseline its length: R t_L + s d = t_R.
     gap = right[1][agreeing, :3, 3] - left[1][agreeing, :3, 3] @ pose.rotation.T

@@ -126,7 +126,7 @@ class CameraOptions:
         held |= by_full_name(self.pinned, names)
         for name, value in held.items():
             if value is None and name.rpartition(".")[2] not in _NOMINAL:
-                raise ValueError(f"`{name}` has no nominal value: pin it as {name}=VALUE")
+                raise ValueError(f"`{name}` has no nominal value: fix it as {name}=VALUE")
         return held
 
 

@@ -84,9 +84,9 @@ def law_of_reflection(reflections: Reflections) -> Plane:
     _, values, vt = np.linalg.svd(padded)
     if values[1] <= 1e-6 * values[0]:
         raise NotIdentifiableError(
-            f"{len(across)} sight{'s' * (len(across) != 1)} of reflections by one camera do not "
-            "tell how the mirror is tilted: record poses in which both cameras see the reflection, "
-            "or more of them"
+            f"{len(across)} reflection{'s' * (len(across) != 1)} seen by one camera alone cannot "
+            "tell how the mirror is tilted: record poses in which both cameras see the "
+            "reflection, or more of them"
         )
     normal = vt[2]
     lever = 2.0 * np.cross(normal, sight)

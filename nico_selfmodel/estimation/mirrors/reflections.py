@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.observations.matching import (
-    check_units,
     reading_columns,
 )
 from nico_selfmodel.geometry.transform import apply
@@ -178,7 +177,6 @@ def known_points(dataset: Dataset, model: SelfModel, rows: NDArray) -> KnownPoin
             "learn them with `nico-selfmodel calibrate stereo`"
         )
     columns = reading_columns(model, dataset)
-    check_units(model, dataset)
     unknown = set(dataset.marker[rows].tolist()) - set(model.markers)
     if unknown:
         raise DataError(

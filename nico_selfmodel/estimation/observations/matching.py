@@ -1,4 +1,4 @@
-"""Whether a data set is of the same joints, read in the same units, as a self-model."""
+"""Whether a data set is of the joints, units and images of a self-model."""
 
 import numpy as np
 
@@ -12,22 +12,35 @@ def reading_columns(model: SelfModel, dataset: Dataset) -> list[int]:
     """Return the data set's columns of readings in the order of the model's joints.
 
     Raises:
-        DataError: If the two have different joints.
+        DataError: If the two have different joints, or other units or images.
     """
     if set(model.joints) != set(dataset.joint_names):
         raise DataError(
             f"data set {dataset.name!r} has the joints {listed(dataset.joint_names)}, the "
             f"self-model {listed(model.joints)}: they must be the same"
         )
+    _check_units(model, dataset)
+    check_images(model, dataset)
     return [dataset.joint_names.index(joint) for joint in model.joints]
 
 
-def check_units(model: SelfModel, dataset: Dataset) -> None:
-    """Refuse readings in other units than the model's servos have.
+def check_images(model: SelfModel, dataset: Dataset) -> None:
+    """Refuse pixels of images of another size than the model's cameras have.
 
     Raises:
-        DataError: If a joint's unit, counts per turn or sign differ.
+        DataError: If the data set names the size, and a camera has another one.
     """
+    for name, camera in model.cameras.items():
+        if dataset.image_size not in (None, camera.image_size):
+            (width, height), (w, h) = camera.image_size, dataset.image_size
+            raise DataError(
+                f"the {name} camera of {model.name!r} has {width} x {height} pixels, the images of "
+                f"data set {dataset.name!r} have {w} x {h}"
+            )
+
+
+def _check_units(model: SelfModel, dataset: Dataset) -> None:
+    """Refuse readings in other units than the model's servos have."""
     for joint in dataset.joints:
         i = model.joints.index(joint.name)
         expected = (model.servos.unit[i], model.servos.counts_per_turn[i], model.servos.sign[i])

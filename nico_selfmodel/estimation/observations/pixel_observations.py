@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.observations.matching import reading_columns
 from nico_selfmodel.estimation.observations.observations import (
     Observations,
     servo_units,
@@ -144,13 +145,7 @@ def columns_of(model: SelfModel, dataset: Dataset) -> Dataset:
     Raises:
         DataError: If the joints, their units or the tracked points are others.
     """
-    from nico_selfmodel.estimation.observations.matching import (
-        check_units,
-        reading_columns,
-    )
-
     columns = reading_columns(model, dataset)
-    check_units(model, dataset)
     if columns == list(range(len(columns))):
         return dataset
     joints = tuple(dataset.joints[i] for i in columns)

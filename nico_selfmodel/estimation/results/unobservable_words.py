@@ -13,12 +13,12 @@ _MEANING = {
 
 _CURE = {
     "gear": "move {joint} through a wider range, with the tracked point off its axis",
-    "theta_offset": "track a point further from the axis of {joint}, and pin `{name}` if it was "
+    "theta_offset": "track a point further from the axis of {joint}, and fix `{name}` if it was "
     "freed by hand",
-    "alpha": "track a second point, or pin `{name}`",
-    "beta": "pin `{name}`, unless the axes at {joint} are nearly parallel",
-    "D": "move the joints next to {joint} further, or pin `{name}`",
-    "r": "move the joints next to {joint} further, or pin `{name}`",
+    "alpha": "track a second point, or fix `{name}`",
+    "beta": "fix `{name}`, unless the axes at {joint} are nearly parallel",
+    "D": "move the joints next to {joint} further, or fix `{name}`",
+    "r": "move the joints next to {joint} further, or fix `{name}`",
 }
 
 
@@ -56,4 +56,4 @@ def _cure(name: str) -> str:
     joint, _, part = name.rpartition(".")
     if part in _CURE and joint != "M0":
         return _CURE[part].format(joint=joint, name=name)
-    return f"record poses that spread further over the workspace, or pin `{name}`"
+    return f"record poses that spread further over the workspace, or fix `{name}`"

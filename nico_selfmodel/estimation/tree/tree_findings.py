@@ -27,6 +27,8 @@ from nico_selfmodel.names import listed
 
 _MISFIT = 5.0
 """Times the stated sigma of a sensor beyond which the body does not explain what it measured."""
+_LOOSE = 10.0
+"""Times less than the stated sigma from which on that is doubted."""
 _LARGEST_JOINT_NOISE = np.radians(5.0)
 """A joint that is this uncertain about its encoder is not play."""
 _LARGEST_FLANGE_PLACE = 0.05
@@ -54,6 +56,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
         *_told_by_no_pose(calibration),
         *_alike_words(calibration),
         *_slip_words(calibration),
+        *_loose_sigmas(calibration),
         *exchanged_markers(calibration),
         *_outlier_words(calibration),
     ]
@@ -80,6 +83,27 @@ def _told_by_no_pose(calibration: TreeCalibration) -> list[str]:
 
 def _misfits(calibration: TreeCalibration) -> list[str]:
     """Say which sensors' residuals are far beyond the noise that they are said to have."""
+    return [
+        f"what sensor {name!r} measured is off by {found}, it is said to be sure to {stated}: "
+        "check units, lenses, which link each marker is on, and whether something moved during "
+        "the recording"
+        for name, found, stated, ratio in _noise_beside_stated(calibration)
+        if ratio > _MISFIT
+    ]
+
+
+def _loose_sigmas(calibration: TreeCalibration) -> list[str]:
+    """Say which sensors measure far better than they are said to."""
+    return [
+        f"what sensor {name!r} measured scatters by {found}, it is said to be sure to {stated}: is "
+        "the unit of its sigma right?"
+        for name, found, stated, ratio in _noise_beside_stated(calibration)
+        if ratio * _LOOSE < 1.0
+    ]
+
+
+def _noise_beside_stated(calibration: TreeCalibration) -> list[tuple[str, str, str, float]]:
+    """Return name, noise found, noise stated and their ratio of sensors that state one."""
     solution, observations = calibration.solution, calibration.train.observations
     out = []
     for rows in observations.sensors:
@@ -87,13 +111,9 @@ def _misfits(calibration: TreeCalibration) -> list[str]:
         if info.sigma is None or not solution.variances_known:
             continue
         found = float(solution.noise.sensor[observations.noise_group[rows.first]])
-        if found > _MISFIT * info.sigma:
-            unit, scale = ("px", 1.0) if rows.kind == CAMERA else ("mm", 1e3)
-            out.append(
-                f"what sensor {info.name!r} measured is off by {scale * found:.3g} {unit}, it is "
-                f"said to be sure to {scale * info.sigma:.3g} {unit}: check units, lenses, which "
-                "link each marker is on, and whether something moved during the recording"
-            )
+        unit, scale = ("px", 1.0) if rows.kind == CAMERA else ("mm", 1e3)
+        shown = (f"{scale * sigma:.3g} {unit}" for sigma in (found, info.sigma))
+        out.append((info.name, *shown, found / info.sigma))
     return out
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.mirrors.mirror import evaluate_mirrors
-from nico_selfmodel.estimation.observations.matching import check_units, reading_columns
+from nico_selfmodel.estimation.observations.matching import reading_columns
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
@@ -121,7 +121,6 @@ def own_shots(
         )
     if POSE not in data.extra or not (Path(folder) / IMAGES).is_dir():
         raise DataError(f"{folder}: no pictures were kept; record them with `record --images`")
-    check_units(model, data)
     columns, samples, shots = reading_columns(model, data), [], []
     for name in known:
         failure = model.mirror_failure(name)

@@ -46,8 +46,8 @@ class BoardDetections:
 
     @property
     def seen_views(self) -> BoardViews:
-        """The views in which some camera saw the board."""
-        return self.views.select(self.views.seen.any(axis=(1, 2)))
+        """The views in which some camera saw the board; copies are left out with a warning."""
+        return _without_copies(self.views.select(self.views.seen.any(axis=(1, 2))))
 
     @property
     def told_views(self) -> BoardViews:
@@ -193,6 +193,25 @@ def detect_boards_of_cameras(
         for camera, of_camera in files.items()
     }
     return BoardDetections(board, views, by_camera, window, _not_seen(paths, found))
+
+
+def _without_copies(views: BoardViews) -> BoardViews:
+    """Leave out views in which a camera saw what it saw before, to the last digit.
+
+    No two photographs have the same noise; a copy would count as evidence, and as held out.
+    """
+    copies: dict[int, int] = {}
+    for camera in views.cameras:
+        corners = np.nan_to_num(views.of_camera(camera).reshape(len(views), -1), nan=-1.0)
+        _, first, same = np.unique(corners, axis=0, return_index=True, return_inverse=True)
+        lead = first[same.reshape(len(views))]
+        again = (lead < np.arange(len(views))) & (corners >= 0.0).any(axis=1)
+        copies |= {int(v): int(lead[v]) for v in np.flatnonzero(again)}
+    if not copies:
+        return views
+    pairs = [f"{views.names[v]} of {views.names[w]}" for v, w in sorted(copies.items())]
+    warnings.warn(f"copies of photographs are left out: {listed(pairs)}", stacklevel=3)
+    return views.select([v for v in range(len(views)) if v not in copies])
 
 
 def _views_of(files: Mapping[str, Mapping[str, Path]]) -> tuple[str, ...]:

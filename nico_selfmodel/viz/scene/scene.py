@@ -150,6 +150,8 @@ def load_scene(result: str | Path) -> Scene:
             f"{found_at(path)}; expected a result folder with {SCENE_FILE}, or that file"
         )
     path = inside if path.is_dir() else path
+    if path.suffix != inside.suffix:
+        raise ModelError(f"{path} is no scene; give the folder, or its {SCENE_FILE}")
     try:
         text = read_text(path, LARGEST_SCENE)
     except DataError as error:

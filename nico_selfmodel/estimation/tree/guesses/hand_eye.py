@@ -86,7 +86,7 @@ def only_axis(F: NDArray) -> NDArray | None:
 
 def _pairs(count: int) -> tuple[NDArray, NDArray]:
     i, j = np.triu_indices(count, 1)
-    step = -(-len(i) // _MOST_PAIRS)
+    step = max(1, -(-len(i) // _MOST_PAIRS))
     return i[::step], j[::step]
 
 

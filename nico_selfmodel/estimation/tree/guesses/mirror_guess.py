@@ -132,6 +132,6 @@ def _normal(name: str, across: NDArray, rng: np.random.Generator) -> tuple[NDArr
 
 def _unobservable(name: str, count: int) -> NotIdentifiableError:
     return NotIdentifiableError(
-        f"mirror {name!r} is unobservable: {count} sight{'s' * (count != 1)} of reflections do not "
-        "tell how it is tilted; record more poses, hands to the left and right, above and below"
+        f"mirror {name!r} is unobservable: {count} reflection{'s do' if count != 1 else ' does'} "
+        "not tell how it is tilted; record more poses, hands to the left and right, above and below"
     )
