@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 UNOBSERVABLE_SIGMA = 0.3
-"""A direction is called unobservable where its standard deviation exceeds this fraction of the
-parameter scale (1 rad, the size of the body, the gear itself): the estimate says nothing then."""
+"""A direction is called unobservable where by it the standard deviation of some parameter exceeds
+this fraction of its scale (1 rad, the size of the body, the gear itself): the estimate says nothing
+then. A hundred markers that shift together by a hundredth each do not."""
 UNKNOWN_SIGMA = 30.0
 """Most that a covariance lets a parameter be off along one direction, in natural units: where
 nothing determines it, too. Finite, so that covariances can be added and inverted, but far beyond
@@ -171,7 +172,7 @@ class Uncertainty:
         exact = values <= 1e-12 * max(values[0], 1e-300)
         least = np.where(exact, 1.0, values)
         sigma = np.where(exact, np.inf, spread / least)
-        unobservable = exact | (sigma > UNOBSERVABLE_SIGMA)
+        unobservable = exact | (sigma * np.abs(vt).max(axis=1) > UNOBSERVABLE_SIGMA)
         # A parameter with a small share in what nobody knows is uncertain by that share.
         most = UNKNOWN_SIGMA / np.abs(vt).max(axis=1)
         root = vt * np.minimum(sigma, most)[:, None] * natural

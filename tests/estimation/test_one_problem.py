@@ -139,6 +139,22 @@ def test_a_scale_that_nothing_tells_is_named():
     assert np.isinf([sigma[name] for name in lengths]).all()
 
 
+def test_sensors_that_saw_nothing_stand_for_nothing():
+    # A tracker that was listed and never used stood for the world: a division by zero.
+    sim = two_arms(0, torso=0, tags_each=3, poses=25)
+    told = {"image_size": (640, 480), "lens": dict(LENS.named_values)}
+    idle = (SensorInfo("tracker", "points"), SensorInfo("third", "camera", **told))
+    table = sim.data.observations
+    moved = replace(table, sensor=table.sensor + len(idle))
+    found = calibrate_tree(
+        replace(sim.data, sensors=(*idle, *sim.data.sensors), observations=moved), effects=()
+    )
+    assert found.setup.world == "camera1"
+    assert result_of(found).unobservable[0].startswith("scale: nothing in the data tells lengths")
+    baseline = np.linalg.norm(found.tree.sensors[3].X_LA[:3, 3])
+    assert 0.1 < baseline < 10.0
+
+
 @pytest.mark.slow
 def test_a_baseline_that_the_user_fixes_holds_the_scale():
     sim = two_arms(0, torso=0, poses=40)

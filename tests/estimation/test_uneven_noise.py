@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.body.sensors import SensorInfo
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+from nico_selfmodel.estimation.tree.tree_setup import Wishes
 
 from ..slow_rest import slow_rest
+from .random_arms import random_recording
 from .simulated_trees import assembled, observed, one_arm, serial, tags
 
 QUIET, LOUD = 2e-5, 2e-3
@@ -52,6 +56,53 @@ def test_joints_of_a_chain_that_are_read_worse_than_others_do_not_count_as_slipp
     if markers > 1:  # a single one may leave it to slips that are few
         assert 0.8 * LOUD < sigma[[3, 4]].max() < 1.4 * LOUD
     assert sigma[[0, 1, 2, 5]].max() < 0.6 * LOUD
+
+
+@pytest.mark.parametrize(("times", "named"), [(20.0, True), (1.0, False)])
+def test_a_joint_that_is_read_worse_than_others_is_named(times, named):
+    noise = np.full(5, 2e-4) * np.where(np.arange(5) == 2, times, 1.0)
+    arm = one_arm(11, joints=5, markers=3, poses=50, joint_sigma=noise)
+    words = [
+        word for word in judge(calibrate_tree(arm.data, effects=())).warnings if "play" in word
+    ]
+    assert ["'j3' is read" in word for word in words] == [True] * named
+
+
+def geared(gear):
+    """An arm of which the third joint turns as many times as far as is read."""
+    arm = one_arm(2, joints=5, markers=3, poses=40, joint_sigma=np.full(5, 5e-4))
+    return replace(arm.data, readings=arm.data.readings * np.where(np.arange(5) == 2, gear, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("gear", "named"), slow_rest([(1.013, True), (1.007, False), (0.98, True)])
+)
+def test_a_gear_that_contradicts_its_unit_is_a_fault_of_the_joint_by_name(gear, named):
+    data = geared(gear)
+    found = calibrate_tree(data)
+    said = any("`j3.gear` is held at 1" in reason for reason in judge(found).reasons)
+    assert said == named
+    if not named:
+        assert found.tree.gear[2] == pytest.approx(gear, abs=2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 7])
+def test_an_arm_with_such_a_gear_is_told_so_as_a_body_is(seed):
+    data = random_recording("joint noise", seed).dataset
+    turned = np.arange(len(data.joints)) == len(data.joints) // 2
+    data = replace(data, encoders=data.encoders * np.where(turned, 1.015, 1.0))
+    reasons = judge(calibrate_kinematics(data, explain=False)).reasons
+    name = data.joints[int(np.argmax(turned))].name
+    assert any(f"`{name}.gear` is held at 1" in reason for reason in reasons)
+
+
+@pytest.mark.slow
+def test_freeing_a_gear_that_contradicts_its_unit_cures_it():
+    wishes = Wishes(FixedParameters.from_text(free=["j3.gear"]))
+    found = calibrate_tree(geared(1.02), wishes=wishes)
+    assert not any("gear" in reason for reason in judge(found).reasons)
+    assert found.tree.gear[2] == pytest.approx(1.02, abs=1e-3)
 
 
 def test_a_joint_that_is_read_in_another_direction_is_no_louder_one():

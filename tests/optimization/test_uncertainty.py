@@ -151,6 +151,18 @@ def test_a_direction_is_unobservable_where_its_sigma_reaches_the_natural_scale()
     assert analyse(a * 10.0, natural=[1.0] * 4, squared=4.0).rank == 4
 
 
+@pytest.mark.parametrize(("sigma", "open_ways"), [(0.29, 0), (0.31, 1)])
+def test_many_that_shift_together_are_unobservable_where_one_of_them_is_off_by_that(
+    sigma, open_ways
+):
+    count, names = 100, tuple(f"p{i}" for i in range(100))
+    together = np.full((1, count), 1.0 / count / sigma)  # their mean is known to `sigma`
+    apart = 1e4 * (np.eye(count) - 1.0 / count)
+    found = analyse(np.vstack([together, apart]), [1.0] * count, squared=1.0, names=names)
+    assert len(found.unobservable) == open_ways
+    assert found.covariance[0, 0] == pytest.approx(sigma**2, rel=1e-3)
+
+
 def test_the_worst_direction_comes_first():
     a = np.vstack([np.diag([100.0, 2.0, 0.0, 1.0]), np.zeros((4, 4))])
     found = analyse(a, natural=[1.0] * 4, squared=4.0)

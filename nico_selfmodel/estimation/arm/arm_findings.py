@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.arm.evaluation import Evaluation
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
 from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
+from nico_selfmodel.estimation.diagnosis.gear_check import gear_words
 from nico_selfmodel.estimation.diagnosis.misread_joint import misread_joints
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import (
@@ -63,7 +64,7 @@ def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
         foreign, exchanged = exchanged, []
     failures = [
         calibration.contradicted_robot,
-        *_gear_reasons(calibration),
+        *gear_words(calibration.doubtful_gears),
         *_fixed_reasons(calibration),
         *foreign,
         *(_timing_reasons(calibration) if explained else ()),
@@ -228,15 +229,6 @@ def _starts_reason(calibration: KinematicCalibration) -> str | None:
         f"only one of {len(search.labels)} starts ({search.best_label}) reached the best minimum: "
         "it may not be the global one; allow more with --starts, or record more poses"
     )
-
-
-def _gear_reasons(calibration: KinematicCalibration) -> list[str]:
-    return [
-        f"`{gear.name}` is held at 1 because the encoder is said to read joint angles, but the "
-        f"data ask for about {gear.value:.3g} (+- {gear.sigma:.2g}): correct the unit, or add "
-        f"--free {gear.name}"
-        for gear in calibration.doubtful_gears
-    ]
 
 
 def _fixed_reasons(calibration: KinematicCalibration) -> list[str]:

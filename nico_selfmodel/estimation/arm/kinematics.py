@@ -214,7 +214,7 @@ def calibrate_kinematics(
         task.circles,
         search,
         dataset.point_sigma_m,
-        doubts.gears,
+        doubts.gears or ladder.doubtful_gears,
         contradicted,
         None if nominal is None else robot_reason(nominal.chain, model.dh, task.gear_known),
         causes,

@@ -21,7 +21,7 @@ from nico_selfmodel.estimation.bending.effect_fit import (
     Glance,
     fit_effects,
 )
-from nico_selfmodel.estimation.bending.implausible import NO_GEAR, gear_fault, implausible, lifts
+from nico_selfmodel.estimation.bending.implausible import gear_fault, implausible, lifts, no_gear
 from nico_selfmodel.estimation.bending.steps import HIDDEN, STEPS, Step
 from nico_selfmodel.model.arm.bending import (
     BACKLASH,
@@ -89,7 +89,7 @@ class Climber:
                 continue
             beside[effect] = self.kept
             steps[effect] = self.try_step(effect)
-            if steps[effect].reason.startswith(NO_GEAR):
+            if steps[effect].gear is not None:
                 self.kept = ()
                 why = steps[effect].reason
                 return [replace(step, kept=False, reason=why) for step in steps.values()]
@@ -122,9 +122,11 @@ class Climber:
             # Over a part of a turn a ripple looks like a gear, of which there are fewer numbers.
             rival = self._again(self._fitted((*self.kept, GEAR), self.still))
             if rival.evidence < self._again(after).evidence:
-                step = replace(step, kept=False, reason=gear_fault(rival) or _GEARS_DO)
-        if step.reason.startswith(NO_GEAR) and self._couplings_do():
-            step = replace(step, reason=_COUPLINGS_DO)
+                gear = gear_fault(rival)
+                why = _GEARS_DO if gear is None else no_gear(gear)
+                step = replace(step, kept=False, reason=why, gear=gear)
+        if step.gear is not None and self._couplings_do():
+            step = replace(step, reason=_COUPLINGS_DO, gear=None)
         if step.kept:
             assert after.parameters.bending is not None
             self.kept = wanted
@@ -229,7 +231,9 @@ class Climber:
         worth = before.evidence - after.evidence
         reason = self._reason(effect, after, gain, sigma, worth)
         means = self._typical(before), self._typical(after)
-        return Step(effect, not reason, *means, gain, sigma, worth, reason)
+        gear = gear_fault(after)
+        gear = None if gear is None or reason != no_gear(gear) else gear
+        return Step(effect, not reason, *means, gain, sigma, worth, reason, gear)
 
     def _gains(self, before: EffectFit, after: EffectFit) -> NDArray:
         """Return log(error before / error after) of unseen poses. Shape (P,)."""

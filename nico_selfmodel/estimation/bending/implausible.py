@@ -4,6 +4,7 @@ import numpy as np
 
 from nico_selfmodel.estimation.bending.bendable import GEAR, Bendable
 from nico_selfmodel.estimation.bending.effect_fit import EffectFit
+from nico_selfmodel.estimation.diagnosis.gear_check import DoubtfulGear
 from nico_selfmodel.model.arm.bending import BEARING, COUPLING, SAG
 
 LIFTS = "it would lift the arm: something else is explained, or the arm compensates already"
@@ -13,8 +14,6 @@ NOT_ASKED = (
     "`approach.<joint>` that tells both sides, or a held value that the data contradict"
 )
 """Why an effect that the user named was not tried."""
-NO_GEAR = "a gear that is told would have to be"
-"""How the reason begins why a gear that contradicts its unit is a fault."""
 TURNS = "joints would turn by more than 3 deg: that is no bend"
 """Why what turns joints too far goes."""
 COUPLES = "a joint would turn by more than a tenth of another's angle: check their readings"
@@ -41,8 +40,9 @@ def implausible(fit: EffectFit, body: Bendable) -> str:
         return "a gear would turn negative"
     if {SAG, BEARING} & set(fit.groups) and lifts(fit, body):
         return LIFTS
-    if gear_fault(fit):
-        return gear_fault(fit)
+    gear = gear_fault(fit)
+    if gear is not None:
+        return no_gear(gear)
     bending = bent.bending
     assert bending is not None
     if COUPLING in bending.effects:
@@ -70,11 +70,18 @@ def lifts(fit: EffectFit, body: Bendable) -> bool:
     return bool(work < -_SURE * fit.sigma_of(dict(zip(names, weights, strict=True))))
 
 
-def gear_fault(fit: EffectFit) -> str:
-    """Say which gear is so far from what its unit tells that it is a fault; empty if none is."""
+def gear_fault(fit: EffectFit) -> DoubtfulGear | None:
+    """Return the gear that is so far from what its unit tells that it is a fault; None if none."""
     names, values = fit.parameters.names, fit.values
-    for name in fit.groups.get(GEAR, ()):
-        gear = float(values[names.index(name)])
-        if abs(gear - 1.0) > _LARGEST_GEAR:
-            return f"{NO_GEAR} {gear:.3f}: that is no bend"
-    return ""
+    told = {name: float(values[names.index(name)]) for name in fit.groups.get(GEAR, ())}
+    worst = max(told, key=lambda name: abs(told[name] - 1.0), default=None)
+    if worst is None or abs(told[worst] - 1.0) <= _LARGEST_GEAR:
+        return None
+    return DoubtfulGear(worst, told[worst], fit.sigma_of({worst: 1.0}))
+
+
+def no_gear(gear: DoubtfulGear) -> str:
+    """Say why an effect goes where a gear contradicts its unit."""
+    return (
+        f"`{gear.name}`, which its unit tells, would have to be {gear.value:.3f}: that is no bend"
+    )

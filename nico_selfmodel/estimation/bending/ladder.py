@@ -20,6 +20,7 @@ from nico_selfmodel.estimation.bending.climber import Climber
 from nico_selfmodel.estimation.bending.effect_fit import EffectFit
 from nico_selfmodel.estimation.bending.steps import STEPS, Step
 from nico_selfmodel.estimation.bending.uncertain_variances import with_uncertain_variances
+from nico_selfmodel.estimation.diagnosis.gear_check import DoubtfulGear
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 
@@ -50,6 +51,11 @@ class Ladder:
     def kept(self) -> tuple[str, ...]:
         """Names of the effects that stayed."""
         return tuple(step.effect for step in self.steps if step.kept)
+
+    @property
+    def doubtful_gears(self) -> tuple[DoubtfulGear, ...]:
+        """The gear that contradicts its unit most, if one does."""
+        return tuple(step.gear for step in self.steps if step.gear is not None)[:1]
 
     def in_doubt(self, known: Uncertainty, posture: Posture) -> Uncertainty:
         """Return the solution's uncertainty, how well its effects' variances are known counted.

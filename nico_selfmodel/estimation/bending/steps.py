@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.bending.bendable import GEAR
+from nico_selfmodel.estimation.diagnosis.gear_check import DoubtfulGear
 from nico_selfmodel.model.arm.bending import BACKLASH, BEARING, COUPLING, RIPPLE, SAG
 
 STEPS = (BACKLASH, SAG, BEARING, RIPPLE, GEAR, COUPLING)
@@ -37,6 +38,8 @@ class Step:
     """By how much twice the log evidence rose."""
     reason: str
     """Why it went; empty where it stayed."""
+    gear: DoubtfulGear | None = None
+    """The gear that contradicts its unit where it went for that: a fault, no bend."""
 
     @property
     def hidden(self) -> bool:

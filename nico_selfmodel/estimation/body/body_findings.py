@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
 from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.cameras.lenses.lens_folds import folds_of
+from nico_selfmodel.estimation.diagnosis.gear_check import gear_words
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.estimation.results.calibration_result import (
     FAILURE,
@@ -36,6 +37,7 @@ def body_findings(calibration: BodyCalibration) -> tuple[Finding, ...]:
         *(calibration.boards.reasons if calibration.boards else ()),
         _ray_reason(calibration),
         _noise_reason(calibration),
+        *gear_words(calibration.ladder.doubtful_gears),
     ]
     said = [] if test is None or test.statistics is None else [_held_out_words(test)]
     ladder, at = calibration.ladder, calibration.at

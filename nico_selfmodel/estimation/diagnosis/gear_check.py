@@ -1,6 +1,6 @@
 """Whether joints said to be read in rad or deg really are: what a freed gear would say."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from nico_selfmodel.estimation.diagnosis.score_test import Score, ScoreTest
@@ -53,3 +53,13 @@ def doubtful_gears(
         if wave is None or test.of(by_gear[:, :, [i]]).gain > _AS_MUCH * wave.gain:
             found.append(DoubtfulGear(name, value + float(step), float(sigma)))
     return tuple(sorted(found, key=lambda gear: -abs(gear.value - 1.0)))
+
+
+def gear_words(gears: Iterable[DoubtfulGear]) -> list[str]:
+    """Say which gears the data contradict, and what to do."""
+    return [
+        f"`{gear.name}` is held at 1 because the encoder is said to read joint angles, but the "
+        f"data ask for about {gear.value:.4g} (+- {gear.sigma:.2g}): correct the unit, or add "
+        f"--free {gear.name}"
+        for gear in gears
+    ]

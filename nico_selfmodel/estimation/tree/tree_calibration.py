@@ -26,6 +26,10 @@ from nico_selfmodel.estimation.tree.contradictions.standing_still import (
     dead_encoders,
 )
 from nico_selfmodel.estimation.tree.contradictions.told_values import agreeing_start
+from nico_selfmodel.estimation.tree.contradictions.unplaced_markers import (
+    unplaced_markers,
+    without_markers,
+)
 from nico_selfmodel.estimation.tree.contradictions.wrong_units import start_in_stated_units
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.guesses.lens_guess import PARTS, guessed_lenses
@@ -93,6 +97,8 @@ class TreeCalibration:
     """What was asked to bend, and what came of it; its solutions are `TreeBend`."""
     flatness: Mapping[str, Flatness | None] = field(default_factory=dict)
     """Whether mirrors are flat, by name, where that was tested; None where there was too little."""
+    unplaced: Mapping[str, int] = field(default_factory=dict)
+    """Markers that were seen too seldom to be placed, and how often."""
     anew: bool = False
     """Whether a few parameters of a known body were learned, which here is taken for exact."""
 
@@ -108,6 +114,11 @@ class TreeCalibration:
         problem, solution = self.ladder.solution.problem, self.ladder.solution.solution
         natural = _natural_scales(problem, solution)
         return told_by_no_pose(self.uncertainty, problem, solution, natural)
+
+    @cached_property
+    def size(self) -> float:
+        """About how far its markers are spread [m]; 0.1 at least."""
+        return _size(self.tree, self.data)
 
     @cached_property
     def noise(self) -> dict[str, float]:
@@ -251,8 +262,7 @@ def refit_tree(
     def as_it_was(problem: TreeProblem, solution: TreeSolution) -> Ladder:
         return Ladder((), TreeBend(problem, solution))
 
-    found = _finished(first, data, test, None, name, [0.0], clock, as_it_was, noise)
-    return replace(found, anew=True)
+    return _finished(first, data, test, None, name, [0.0], clock, as_it_was, noise, anew=True)
 
 
 def _bent(
@@ -279,6 +289,8 @@ def _finished(
     clock: float,
     bends: Callable[[TreeProblem, TreeSolution], Ladder],
     noise: TreeNoise | None = None,
+    *,
+    anew: bool = False,
 ) -> TreeCalibration:
     parameters, setup = start.parameters, start.setup
     residuals = TreeResiduals(TreeObservations.of(data), parameters)
@@ -303,6 +315,10 @@ def _finished(
     described = None
     if description is not None:
         described = _as_described(problem, solution, data if test is None else test)
+    uncertainty = ladder.in_doubt(_uncertainty(problem, solution, setup), ladder.solution.posture)
+    # Of a body that was known before all is told.
+    told = parameters.names if anew else tuple(setup.fixed)
+    unplaced = unplaced_markers(data, uncertainty, told)
     return TreeCalibration(
         tree,
         name or data.name,
@@ -310,9 +326,9 @@ def _finished(
         setup,
         parameters,
         solution,
-        ladder.in_doubt(_uncertainty(problem, solution, setup), ladder.solution.posture),
+        uncertainty,
         TreeErrors(residuals.observations, residuals.residuals(solution.values)),
-        None if test is None else errors_of(tree, test),
+        None if test is None else errors_of(tree, without_markers(test, unplaced)),
         cross_validate_tree(problem, solution, residuals),
         described,
         start.label,
@@ -321,6 +337,8 @@ def _finished(
         time.perf_counter() - clock,
         description,
         ladder,
+        unplaced=unplaced,
+        anew=anew,
     )
 
 

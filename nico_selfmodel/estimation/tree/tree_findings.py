@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.sensors import CAMERA
 from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
 from nico_selfmodel.estimation.diagnosis.flatness import bent_reasons
+from nico_selfmodel.estimation.diagnosis.gear_check import gear_words
 from nico_selfmodel.estimation.noise.joint_slips import FEWEST_SLIPS
 from nico_selfmodel.estimation.results.calibration_result import (
     FAILURE,
@@ -36,6 +37,8 @@ _LARGEST_FLANGE_PLACE = 0.05
 _MOST_SLIPS = 0.02
 """Share of poses with a wrong reading of one joint from which on it is named, `FEWEST_SLIPS` at
 least."""
+_LOUD = 2.0
+"""Times the noise of others from which on that of a joint is named."""
 _OUTLIERS_NAMED = 2
 """Outliers of one marker from which on it is named."""
 SCALE = (
@@ -54,9 +57,11 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
               for name, test in calibration.flatness.items() if test is None]  # fmt: skip
     doubts += [
         *_told_by_no_pose(calibration),
+        *_seldom_words(calibration),
         *_alike_words(calibration),
         *_slip_words(calibration),
         *_loose_sigmas(calibration),
+        *_loud_words(calibration),
         *exchanged_markers(calibration),
         *_outlier_words(calibration),
     ]
@@ -64,6 +69,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
         *contradiction_findings(calibration),
         *findings(MISFIT, [*_misfits(calibration), *_flange_misfits(calibration)]),
         *findings(FAILURE, [*_noise_reasons(calibration), *bent_reasons(calibration.flatness)]),
+        *findings(FAILURE, gear_words(ladder.doubtful_gears)),
         *findings(WARNING, [*bending_warnings(ladder, calibration.at), *doubts]),
         *findings(NOTE, said),
     )
@@ -78,6 +84,21 @@ def _told_by_no_pose(calibration: TreeCalibration) -> list[str]:
         "see depends on it; they have no sigma of their own"
         for way, by_none in both
         if by_none
+    ]
+
+
+def _seldom_words(calibration: TreeCalibration) -> list[str]:
+    """Name markers that were seen too seldom: nothing else hangs on where they are."""
+    sights = calibration.unplaced
+    if not sights:
+        return []
+    told = [f"`{name}` ({count} times)" for name, count in sorted(sights.items())]
+    many = len(told) > 1
+    return [
+        f"{listed(told)} {'were' if many else 'was'} seen too seldom to tell where "
+        f"{'they are' if many else 'it is'}, the rest is learned without: record poses that show "
+        f"{'them' if many else 'it'} from other places, or leave {'their' if many else 'its'} rows "
+        "out of observations.csv"
     ]
 
 
@@ -171,6 +192,31 @@ def _slip_words(calibration: TreeCalibration) -> list[str]:
                 f"the encoder of {name!r} was off in {count} of {len(slipped)} poses by more than "
                 "joint noise: look for play, a loose coupling or missed counts there"
             )
+    return out
+
+
+def _loud_words(calibration: TreeCalibration) -> list[str]:
+    """Name joints that are read less surely than those they were taken for alike."""
+    noise, noisy = calibration.solution.noise, calibration.train.observations.noisy_joints
+    contradicted = {gear.name.removesuffix(".gear") for gear in calibration.ladder.doubtful_gears}
+    out = []
+    for k in sorted(noise.loud):
+        joint = calibration.data.joints[noisy[k][0]]
+        alike = [
+            sigma
+            for n, ((i, _), sigma) in enumerate(zip(noisy, noise.joint.tolist(), strict=True))
+            if n not in noise.loud and calibration.data.joints[i].motion == joint.motion
+        ]
+        usual, own = float(np.median(alike or [np.inf])), float(noise.joint[k])
+        if joint.name in contradicted or own < _LOUD * usual:
+            continue
+        turns = joint.motion == REVOLUTE
+        unit, scale = ("deg", np.degrees(1.0)) if turns else ("mm", 1e3)
+        out.append(
+            f"joint {joint.name!r} is read {own / usual:.2g} times as badly as others "
+            f"({scale * own:.2g} {unit}, {scale * usual:.2g} {unit}), which is counted: look for "
+            "play, a worn gear or a loose coupling there"
+        )
     return out
 
 

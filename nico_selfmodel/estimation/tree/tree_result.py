@@ -22,6 +22,7 @@ from nico_selfmodel.estimation.tree.compared_errors import (
     errors_of_tree,
     expected_errors,
 )
+from nico_selfmodel.estimation.tree.contradictions.unplaced_markers import seldom_seen
 from nico_selfmodel.estimation.tree.guesses.hand_eye import only_axis
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_findings import (
@@ -35,12 +36,10 @@ from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, REVOLUTE, WHOLE_POSES
 from nico_selfmodel.model.tree.free_joints import body_alone
 from nico_selfmodel.names import listed
-from nico_selfmodel.optimization.uncertainty import UnobservableDirection
+from nico_selfmodel.optimization.uncertainty import UNKNOWN_SIGMA, UnobservableDirection
 
 _ALIGNED = 0.95
 """Cosine of an open way with an axis from which on it is along it."""
-_SELDOM = 5
-"""Sights of a marker below which it is these that are lacking."""
 _TERMS = Terms(
     outlier_cause="body, sensors, or what was recorded are not what the data set says",
     worse_cause="something changed between the recordings, or the body bends",
@@ -126,16 +125,26 @@ def body_model(calibration: TreeCalibration) -> BodyModel:
 
 
 def _with_scale(calibration: TreeCalibration) -> tuple[tuple[str, ...], NDArray]:
-    """Return the covariance of what was free, and of all lengths where nothing tells these."""
+    """Return the covariance of what was free, and of all lengths where nothing tells these.
+
+    Markers that nobody saw may be anywhere.
+    """
     known, parameters = calibration.uncertainty, calibration.parameters
-    if calibration.setup.scale_from is not None:
-        return known.names, known.covariance
+    never = (name for name, count in calibration.unplaced.items() if not count)
+    nowhere = [f"{name}.{part}" for name in never for part in SHIFTS]
     way = parameters.by_scale(calibration.values)
+    if calibration.setup.scale_from is not None:
+        way = np.zeros(len(way))
     held = [n for n in np.array(parameters.names)[way != 0.0].tolist() if n not in known.names]
     ours, others = (way[[parameters.index[n] for n in names]] for names in (known.names, held))
     across = np.outer(others, ours)
-    matrix = np.block([[known.covariance, across.T], [across, np.outer(others, others)]])
-    return (*known.names, *held), matrix
+    anywhere = (UNKNOWN_SIGMA * calibration.size) ** 2
+    matrix = anywhere * np.eye(len(known.names) + len(held) + len(nowhere))
+    told = len(matrix) - len(nowhere)
+    matrix[:told, :told] = np.block(
+        [[known.covariance, across.T], [across, np.outer(others, others)]]
+    )
+    return (*known.names, *held, *nowhere), matrix
 
 
 def _parameters(calibration: TreeCalibration) -> dict[str, Parameter]:
@@ -151,33 +160,13 @@ def _unobservable(calibration: TreeCalibration) -> tuple[str, ...]:
     open_ways = calibration.uncertainty.unobservable
     words = [
         _along_one_axis(calibration, direction)
-        or _seldom_seen(calibration, direction)
         or f"{name_unobservable(direction)}: record poses that move it apart from the others, or "
         f"fix `{direction.names[0]}`{_endless(calibration)}"
         for direction, by_none in zip(open_ways, calibration.told_by_no_pose, strict=True)
-        if not by_none
+        if not by_none and not seldom_seen(calibration.data, direction)
     ]
     words = list(dict.fromkeys(words))
     return tuple(words if calibration.setup.scale_from is not None else [SCALE, *words])
-
-
-def _seldom_seen(calibration: TreeCalibration, direction: UnobservableDirection) -> str:
-    """Say that markers were seen too seldom to tell where they are; empty where more is open."""
-    data = calibration.data
-    marker = [m.name for m in data.markers]
-    frames = {name.rpartition(".")[0] for name in direction.names}
-    if not frames <= set(marker):
-        return ""
-    sights = {name: int(np.sum(data.observations.marker == marker.index(name))) for name in frames}
-    if max(sights.values()) >= _SELDOM:
-        return ""
-    told = [f"`{name}` ({sights[name]} times)" for name in sorted(sights)]
-    return (
-        f"{listed(told)} {'were' if len(told) > 1 else 'was'} seen too seldom to tell where "
-        f"{'they are' if len(told) > 1 else 'it is'}: record poses that show "
-        f"{'them' if len(told) > 1 else 'it'} from other places, or leave "
-        f"{'their rows' if len(told) > 1 else 'its rows'} out of observations.csv"
-    )
 
 
 def _endless(calibration: TreeCalibration) -> str:

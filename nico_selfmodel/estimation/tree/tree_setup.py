@@ -256,7 +256,7 @@ def setup_of(
     scale = _scale_from(data, parameters.base, description, wishes, told)
     if scale is None:
         refuse_free_world(world, wishes.pins.freed)
-        free -= {held_scale(parameters.base, world) or ""}
+        free -= {held_scale(parameters.base, world, free) or ""}
     alike = _alike(data, description, wishes)
     return TreeSetup(frozenset(free), priors, given, world, scale, told, alike)
 
@@ -308,7 +308,9 @@ def _world_of(data: BodyDataset, description: Description | None) -> str:
         return KNOWN_PLACES
     if description is not None:
         return "base"
-    standing = [s for s in data.sensors if s.on == WORLD_NAME and s.kind in SIGHTS]
+    used = np.unique(data.observations.sensor).tolist()
+    seeing = [data.sensors[s] for s in used if data.sensors[s].kind in SIGHTS]
+    standing = [s for s in seeing if s.on == WORLD_NAME]
     trackers = [s.name for s in standing if s.kind in (POINTS, POSES)]
     flanges = [j.name for j in data.joints if j.motion == FLANGE and j.parent == WORLD_NAME]
     cameras = [s.name for s in standing if s.kind == CAMERA]
@@ -352,10 +354,18 @@ def _scale_from(
     return max(certain, key=certain.__getitem__, default=told_size(tree, told))
 
 
-def held_scale(tree: BodyTree, world: str) -> str | None:
-    """Return the largest part of the first other camera's place, which holds the scale."""
+def held_scale(tree: BodyTree, world: str, free: Collection[str]) -> str | None:
+    """Return the largest part of the first other camera's place, which holds the scale.
+
+    Args:
+        tree: The body.
+        world: What stands for the world.
+        free: Names of what moves: a camera that saw nothing does not.
+    """
+    moved = {name.rpartition(".")[0] for name in free}
     for sensor in tree.sensors:
-        if sensor.name != world and sensor.name in tree.lenses and sensor.on == WORLD:
+        other = sensor.name != world and sensor.name in moved
+        if other and sensor.name in tree.lenses and sensor.on == WORLD:
             largest = int(np.argmax(np.abs(sensor.X_LA[:3, 3])))
             return f"{sensor.name}.{SHIFTS[largest]}"
     return None

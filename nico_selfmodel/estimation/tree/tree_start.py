@@ -115,7 +115,7 @@ def _held_anew(
     without end. The camera is as far away as it was at first.
     """
     tree, base = parameters.tree_of(values), parameters.base
-    held = held_scale(tree, setup.world)
+    held = held_scale(tree, setup.world, setup.free)
     if held is None or setup.scale_from is not None or held not in setup.free:
         return None
     camera = held.rpartition(".")[0]

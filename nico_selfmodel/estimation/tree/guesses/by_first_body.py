@@ -1,7 +1,8 @@
 """What a first body tells of cameras and markers that did not take part in finding it."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ _TOLD = 1e-5
 """Part of the largest singular value below which a direction is open."""
 _LEAST_SPREAD = 0.02
 """Root of the smallest part of a sum of squared sines below which rays tell no depth [rad]."""
+_AS_FAR = 1.0
+"""Distance at which markers are put of which no rays tell a depth, and of no others either [m]."""
 
 
 def with_others(
@@ -47,11 +50,14 @@ def with_others(
     motion = TreeMotion.at(tree, data.si_readings, data.X_flange)
     rng, there, known = np.random.default_rng((seed, 7)), list(placed), set(located.tolist())
     while True:
-        found = _where_rays_meet(data, motion, tree, {n: cameras[n] for n in there}, known)
+        rays = _rays_of(data, motion, tree, {n: cameras[n] for n in there}, known)
+        found = {m: one.meet() for m, one in rays.items() if one.told}
         tree, known = _with_places(tree, found), known | set(found)
         left = {name: rows for name, rows in cameras.items() if name not in there}
         if not left:
-            return tree
+            far = _distance(rays, found)
+            vague = {m: one.meet(far) for m, one in rays.items() if not one.told}
+            return _with_places(tree, vague)
         mine = np.array(sorted(known))
         name = max(left, key=lambda one: int(np.isin(left[one].marker, mine).sum()))
         own = np.isin(left[name].marker, mine)
@@ -63,19 +69,51 @@ def with_others(
         tree = with_sensors(tree, {name: at})
 
 
-def _where_rays_meet(
+@dataclass(frozen=True, eq=False)
+class _Rays:
+    """Lines on a marker's link along which cameras saw it."""
+
+    d: NDArray
+    """Unit directions. Shape (N, 3)."""
+    o: NDArray
+    """Where the cameras were. Shape (N, 3)."""
+
+    @cached_property
+    def _sums(self) -> tuple[NDArray, NDArray]:
+        """Return sum (I - d d') and sum (I - d d') o."""
+        across = np.eye(3) - self.d[:, :, None] * self.d[:, None, :]
+        return across.sum(axis=0), np.einsum("nij,nj->i", across, self.o)
+
+    @property
+    def told(self) -> bool:
+        """Whether they tell how far away they meet."""
+        return bool(np.linalg.eigvalsh(self._sums[0])[0] > _LEAST_SPREAD**2)
+
+    def meet(self, far: float | None = None) -> NDArray:
+        """Return where squared distances from all are least: sum (I - d d') (p - o) = 0. (3,).
+
+        Args:
+            far: How far away it is where they hardly tell it [m].
+        """
+        A, b = self._sums
+        if far is not None:
+            least = _LEAST_SPREAD**2
+            A, b = A + least * np.eye(3), b + least * (self.o + far * self.d).mean(axis=0)
+        return np.asarray(np.linalg.solve(A, b))
+
+
+def _rays_of(
     data: BodyDataset,
     motion: TreeMotion,
     tree: BodyTree,
     cameras: Mapping[str, SensorRows],
     known: set[int],
-) -> dict[int, NDArray]:
-    """Return markers, on their links, that no two cameras need to have seen at once.
+) -> dict[int, _Rays]:
+    """Return rays to markers, on their links, that no two cameras need to have seen at once.
 
-    A joint turns them past one camera as well as past two, or a camera past them: rays are lines on
-    the marker's link.
+    A joint turns them past one camera as well as past two, or a camera past them.
     """
-    sums: dict[int, tuple[NDArray, NDArray]] = {}
+    lines: dict[int, list[tuple[NDArray, NDArray]]] = {}
     by_name = {sensor.name: sensor for sensor in tree.sensors}
     for name, rows in cameras.items():
         own = ~np.isin(rows.marker, list(known))
@@ -88,15 +126,18 @@ def _where_rays_meet(
             R = motion.R_WL[link][:, :, pose[mine]].transpose(2, 0, 1)
             d = np.einsum("nji,nj->ni", R, rays[mine])
             o = np.einsum("nji,nj->ni", R, (p_WC[:, mine] - motion.p_WL[link][:, pose[mine]]).T)
-            # Least squared distances from lines: sum (I - d d') (p - o) = 0.
-            across = np.eye(3) - d[:, :, None] * d[:, None, :]
-            A, b = sums.get(m, (np.zeros((3, 3)), np.zeros(3)))
-            sums[m] = A + across.sum(axis=0), b + np.einsum("nij,nj->i", across, o)
+            lines.setdefault(m, []).append((d, o))
     return {
-        m: np.linalg.solve(A, b)
-        for m, (A, b) in sums.items()
-        if data.markers[m].xyz is None and np.linalg.eigvalsh(A)[0] > _LEAST_SPREAD**2
+        m: _Rays(*(np.vstack(part) for part in zip(*parts, strict=True)))
+        for m, parts in lines.items()
+        if data.markers[m].xyz is None
     }
+
+
+def _distance(rays: Mapping[int, _Rays], found: Mapping[int, NDArray]) -> float:
+    """Return how far from their cameras markers are that were found, in the median [m]."""
+    away = [np.linalg.norm(p - rays[m].o, axis=1) for m, p in found.items() if m in rays]
+    return float(np.median(np.concatenate(away))) if away else _AS_FAR
 
 
 def before_tracker(data: BodyDataset, tree: BodyTree, rows: SensorRows) -> BodyTree:

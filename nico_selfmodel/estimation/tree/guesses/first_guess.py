@@ -11,6 +11,7 @@ from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
 from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
 from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES, SIGHTS
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.tree.guesses.among_unknown import on_link_among_unknown
 from nico_selfmodel.estimation.tree.guesses.by_first_body import (
     before_tracker,
     with_orientations,
@@ -275,7 +276,7 @@ def _with_carried(
     """Return a body with cameras on its links, by markers that what stands has placed, and others.
 
     Raises:
-        DataError: If a camera saw six of these nowhere.
+        DataError: If a camera saw too little to be placed.
     """
     table, rng = data.observations, np.random.default_rng((seed, 8))
     standing = np.array([sensor.on == WORLD_NAME for sensor in data.sensors])[table.sensor]
@@ -285,23 +286,43 @@ def _with_carried(
         info = data.sensors[rows.sensor]
         if rows.kind != CAMERA or info.on == WORLD_NAME or rows.mirror:
             continue
-        own = np.isin(rows.marker, located)
-        if info.X_LS is None and own.sum() < FEWEST:
-            raise DataError(
-                f"camera {info.name!r} on {info.on!r} saw {own.sum()} markers that something else "
-                f"places, {FEWEST} are needed to tell where it is: say where markers in the room "
-                "are (xyz), let what stands see some of them too, or tell its tags' whole poses "
-                "(kind 'poses')"
-            )
-        mine = replace(rows, pose=rows.pose[own], marker=rows.marker[own],
-                       rows=rows.rows[own], measured=rows.measured[own])  # fmt: skip
-        on = data.on_link(info.on)
-        places[info.name] = info.X_LS
-        if info.X_LS is None:
-            places[info.name] = _on_its_link(motion, mine, on, rng)
+        at = info.X_LS
+        places[info.name] = _carried_at(data, motion, rows, located, rng) if at is None else at
         cameras[info.name] = rows
     tree = with_sensors(tree, places)
     return with_others(data, tree, cameras, list(places), located, seed) if cameras else tree
+
+
+def _carried_at(
+    data: BodyDataset,
+    motion: TreeMotion,
+    rows: SensorRows,
+    located: NDArray,
+    rng: np.random.Generator,
+) -> NDArray:
+    """Return where a camera is on its link, by markers that are placed, else by how it moves.
+
+    Raises:
+        DataError: If it saw too little for either.
+    """
+    link = data.on_link(data.sensors[rows.sensor].on)
+    own = np.isin(rows.marker, located)
+    carried = np.array([marker.on == link for marker in motion.tree.markers])[rows.marker]
+    # What its own link carries is where it was in every picture.
+    told = int((own & ~carried).sum()) + len(np.unique(rows.marker[own & carried]))
+    if told >= FEWEST:
+        mine = replace(rows, pose=rows.pose[own], marker=rows.marker[own],
+                       rows=rows.rows[own], measured=rows.measured[own])  # fmt: skip
+        return _on_its_link(motion, mine, link, rng)
+    found = on_link_among_unknown(motion, rows, link, rng)
+    if found is None:
+        raise DataError(
+            f"camera {rows.name!r} on {data.sensors[rows.sensor].on!r} saw {told} markers that "
+            f"something else places, {FEWEST} are needed to tell where it is, or others from many "
+            "poses each: say where markers in the room are (xyz), let what stands see some of them "
+            "too, or tell its tags' whole poses (kind 'poses')"
+        )
+    return found
 
 
 def _on_its_link(

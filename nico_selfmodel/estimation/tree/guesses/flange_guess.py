@@ -8,6 +8,7 @@ import numpy as np
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.tree.guesses.among_unknown import on_link_among_unknown
 from nico_selfmodel.estimation.tree.guesses.by_first_body import (
     with_orientations,
     with_others,
@@ -40,18 +41,18 @@ def from_flange(
     for rows in observations.sensors:
         if rows.kind == POSES:
             return _by_target(data, blank, observations, rows, flange)
-    cameras = [
-        rows
-        for rows in observations.sensors
-        if rows.kind == CAMERA and data.on_link(data.sensors[rows.sensor].on) == flange
-    ]
-    if cameras and known_places(data).any():
-        return _by_corners(data, blank, cameras, flange, seed)
-    raise DataError(
-        "a flange's hand-eye calibration needs a sensor that tells whole poses of a target (kind "
-        "'poses'), such as a board's or a tag's, or a camera on the flange that sees corners at "
-        "known places in the room (xyz)"
-    )
+    cameras = [rows for rows in observations.sensors if rows.kind == CAMERA and not rows.mirror]
+    carried = [r for r in cameras if data.on_link(data.sensors[r.sensor].on) == flange]
+    if carried and known_places(data).any():
+        return _by_corners(data, blank, carried, flange, seed)
+    found = _by_unknown(data, blank, cameras, seed)
+    if found is None:
+        raise DataError(
+            "a flange's hand-eye calibration needs a sensor that tells whole poses of a target "
+            "(kind 'poses'), such as a board's or a tag's, or a camera of known lens that sees "
+            "corners at known places in the room (xyz), or each of some tags from many poses"
+        )
+    return found
 
 
 def _by_target(
@@ -95,6 +96,25 @@ def _by_corners(
     tree = replace(with_sensors(tree, places), X_PJ=X_PJ)
     located = np.flatnonzero(known)
     return with_others(data, tree, {r.name: r for r in cameras}, list(places), located, seed)
+
+
+def _by_unknown(
+    data: BodyDataset, tree: BodyTree, cameras: Sequence[SensorRows], seed: int
+) -> BodyTree | None:
+    """Return a body by a camera that saw markers of unknown place; None where none tells enough.
+
+    It is on the flange before a room, or stands before the flange.
+    """
+    rng = np.random.default_rng((seed, 9))
+    motion = TreeMotion.at(tree, data.si_readings, data.X_flange)
+    for rows in sorted(cameras, key=lambda one: -len(one.rows)):
+        link = data.on_link(data.sensors[rows.sensor].on)
+        at = on_link_among_unknown(motion, rows, link, rng)
+        if at is not None:
+            placed = with_sensors(tree, {rows.name: at})
+            every = {one.name: one for one in cameras}
+            return with_others(data, placed, every, [rows.name], np.zeros(0, dtype=int), seed)
+    return None
 
 
 def _other_markers(data: BodyDataset, tree: BodyTree, observations: TreeObservations) -> BodyTree:

@@ -1,0 +1,42 @@
+"""Where a camera sits on a link that moves as is known, from points nobody knows the places of."""
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.estimation.tree.guesses.among_unknown import camera_among_unknown
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.transform import transform
+
+from ..slow_rest import slow_rest
+
+
+def sights(seed, poses=60, points=60, turn=0.9, wrong=0.0):
+    """Rays of standing points to a camera on a link, and the link's poses."""
+    rng = np.random.default_rng(seed)
+    R = np.array([rotation_from_vector(turn * w) for w in rng.normal(size=(poses, 3))])
+    p = rng.uniform(-0.4, 0.4, (poses, 3))
+    X = transform(rotation_from_vector(rng.normal(size=3)), rng.uniform(-0.08, 0.08, 3))
+    away = 1.5 * rng.normal(size=(points, 3))[None] - (R @ X[:3, 3] + p)[:, None]
+    d = np.einsum("nji,nkj->nki", R @ X[:3, :3], away)
+    pose, marker = np.nonzero(d[..., 2] > np.cos(0.5) * np.linalg.norm(d, axis=2))
+    rays = d[pose, marker] / d[pose, marker][:, 2:]
+    rays[:, :2] += 5e-4 * rng.normal(size=(len(rays), 2))
+    mixed = np.where(rng.random(len(marker)) < wrong, rng.integers(0, points, len(marker)), marker)
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    return X, (rays, mixed, R[pose], p[pose])
+
+
+@pytest.mark.parametrize("seed", slow_rest([0, 1, 2]))
+def test_a_camera_among_unknown_points_is_found_from_how_its_link_moves(seed):
+    X, seen = sights(seed, wrong=0.02 * seed)
+    found = camera_among_unknown(*seen, np.random.default_rng(0))
+    assert np.linalg.norm(found[:3, 3] - X[:3, 3]) < 2e-3
+    assert np.linalg.norm(found[:3, :3] - X[:3, :3]) < np.radians(0.2)
+
+
+@pytest.mark.slow
+def test_a_camera_that_saw_too_little_is_found_nowhere():
+    _, (rays, marker, R, p) = sights(0)
+    rng = np.random.default_rng(0)
+    assert camera_among_unknown(rays, np.arange(len(rays)), R, p, rng) is None
+    assert camera_among_unknown(rays[rng.permutation(len(rays))], marker, R, p, rng) is None
