@@ -2,11 +2,14 @@
 
 import shlex
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
+
+if TYPE_CHECKING:
+    from nico_selfmodel.planning.pose_selection import NextPoses
 
 
 def choose_poses(
@@ -30,64 +33,15 @@ def choose_poses(
     """
     import numpy as np
 
-    from nico_selfmodel.dataset.folder import load_dataset
     from nico_selfmodel.dataset.readings import readings_table
     from nico_selfmodel.files.whole import refuse_existing, write_whole
-    from nico_selfmodel.model.self_model_file import load_model
     from nico_selfmodel.model.tree.body_model import is_body
-    from nico_selfmodel.planning.next_poses import choose_next_poses
 
     refuse_existing(out, force=force)
-    if is_body(model):
-        _of_a_body(model, dataset, out, count, criterion, marker, seed, as_json)
-        return
-    learned = load_model(model)
-    chosen = choose_next_poses(
-        learned,
-        load_dataset(dataset),
-        count,
-        np.random.default_rng(seed),
-        criterion=criterion,
-        marker=marker,
-    )
-    write_whole(out, readings_table(chosen.readings, learned.joints))
-    before, after = 1e3 * chosen.sigma_before, 1e3 * chosen.sigma_after
-    if as_json:
-        sigmas = {"sigma_before_mm": before, "sigma_after_mm": after}
-        printer.as_json({"poses": chosen.readings.tolist(), **sigmas})
-        return
-    recording = shlex.join(map(str, ["--poses", out, "--out", inputs.beside(out, "recorded")]))
-    printer.line(
-        f"{count} poses: {out}\n"
-        f"reducible error of the predicted hand, rms: now {before:.3g} mm, with these poses "
-        f"{after:.3g} mm\n"
-        f"next  nico-selfmodel record {recording}"
-    )
-
-
-def _of_a_body(
-    model: Path,
-    dataset: Path,
-    out: Path,
-    count: int,
-    criterion: str,
-    marker: str | None,
-    seed: int,
-    as_json: bool,
-) -> None:
-    """Choose poses of a body of any tree, one of whose markers cameras or trackers see."""
-    import numpy as np
-
-    from nico_selfmodel.dataset.body.body_folder import load_body_dataset
-    from nico_selfmodel.dataset.readings import readings_table
-    from nico_selfmodel.files.whole import write_whole
-    from nico_selfmodel.model.tree.body_model import load_body
-    from nico_selfmodel.planning.next_body_poses import choose_next_body_poses
-
-    learned, data = load_body(model), load_body_dataset(dataset)
+    choose = _of_a_body if is_body(model) else _of_an_arm
     rng = np.random.default_rng(seed)
-    chosen = choose_next_body_poses(learned, data, count, rng, criterion=criterion, marker=marker)
-    write_whole(out, readings_table(chosen.readings, learned.tree.joints))
+    joints, chosen = choose(model, dataset, count, rng, criterion=criterion, marker=marker)
+    write_whole(out, readings_table(chosen.readings, joints))
     pixels = chosen.unit == "px"
     unit, scale = ("px", 1.0) if pixels else ("mm", 1e3)
     before, after = scale * chosen.sigma_before, scale * chosen.sigma_after
@@ -103,3 +57,25 @@ def _of_a_body(
         f"{before:.3g} {unit}, with these poses {after:.3g} {unit}\n"
         f"next  nico-selfmodel record {shlex.join(map(str, words))}"
     )
+
+
+def _of_an_arm(
+    model: Path, dataset: Path, *how: Any, **wanted: Any
+) -> "tuple[tuple[str, ...], NextPoses]":
+    from nico_selfmodel.dataset.folder import load_dataset
+    from nico_selfmodel.model.self_model_file import load_model
+    from nico_selfmodel.planning.next_poses import choose_next_poses
+
+    learned = load_model(model)
+    return learned.joints, choose_next_poses(learned, load_dataset(dataset), *how, **wanted)
+
+
+def _of_a_body(
+    model: Path, dataset: Path, *how: Any, **wanted: Any
+) -> "tuple[tuple[str, ...], NextPoses]":
+    from nico_selfmodel.dataset.body.body_folder import load_body_dataset
+    from nico_selfmodel.model.tree.body_model import load_body
+    from nico_selfmodel.planning.next_body_poses import choose_next_body_poses
+
+    learned, data = load_body(model), load_body_dataset(dataset)
+    return learned.tree.joints, choose_next_body_poses(learned, data, *how, **wanted)

@@ -5,10 +5,14 @@ from dataclasses import replace
 import numpy as np
 
 from nico_selfmodel.dataset.dataset import Dataset
-from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.experiments.irreducible_error import Limit
 from nico_selfmodel.experiments.refinement import SEED, Scenario
-from nico_selfmodel.sessions.camera_scenario import Counts, RenderedNico, of_marker
+from nico_selfmodel.sessions.camera_scenario import (
+    Counts,
+    RenderedNico,
+    of_marker,
+    watch_hand,
+)
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
@@ -40,41 +44,23 @@ def rendered_scenarios(
         no instrument touches the middle of a patch.
     """
     nico = RenderedNico(world, seed, tuple(MARKERS[tracker] for tracker in trackers))
-    boards = nico.board_views(counts.boards, 0, progress=telling(stage, "looking at a chessboard"))
+    seen = watch_hand(nico, counts, stage, options=SEED, observed=True)
     held_out = nico.board_views(
         counts.test_boards, 3, progress=telling(stage, "boards kept for judging")
-    )
-    cameras = calibrate_cameras(boards, SEED)
-    train = nico.record(
-        "train",
-        1,
-        counts.circle,
-        counts.random,
-        rig=cameras.rig,
-        progress=telling(stage, "training poses"),
-    )
-    test = nico.record(
-        "test",
-        2,
-        0,
-        counts.test,
-        rig=cameras.rig,
-        observed=True,
-        progress=telling(stage, "poses kept for judging"),
     )
     found = {}
     for tracker in trackers:
         marker = MARKERS[tracker]
-        shown, links, limit = of_marker(test, marker), None, None
+        shown, links, limit = of_marker(seen.test, marker), None, None
         if tracker == "color":
             shown = unmeasured(shown)
         else:
             truth = nico.ground_truth
             links = truth.link_lengths(marker)
             limit = Limit.of(tracker, shown, *truth.expected(shown.encoders, marker))
-        learned = cameras.self_model("cameras")
+        learned = seen.cameras.self_model("cameras")
         found[tracker] = Scenario(
-            of_marker(train, marker), shown, learned, boards, held_out, links, limit
+            of_marker(seen.train, marker), shown, learned, seen.views, held_out, links, limit
         )
     return found
 

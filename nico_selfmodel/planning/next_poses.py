@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.observations.pixel_observations import columns_of
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.names import listed, refuse_unknown
+from nico_selfmodel.names import refuse_unknown
 from nico_selfmodel.planning.pose_selection import (
     NextPoses,
     bending_priors,
@@ -55,15 +56,11 @@ def choose_next_poses(
         The poses.
 
     Raises:
-        DataError: If the data are of other joints, or hardly any pose is in view.
+        DataError: If the data are of other joints, units or images, or no pose is in view.
         NotIdentifiableError: If recorded and chosen poses do not determine the parameters.
         ValueError: If the number, the criterion or the marker is wrong.
     """
-    if data.joint_names != model.joints:
-        raise DataError(
-            f"the data are of the joints {listed(data.joint_names)}, the model of "
-            f"{listed(model.joints)}"
-        )
+    data = columns_of(model, data)
     marker = model.markers[0] if marker is None else marker
     refuse_unknown("marker", marker, model.markers)
     recorded = data.encoders[(data.marker == marker) & (data.mirror == "")]

@@ -14,6 +14,7 @@ from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration, calib
 from nico_selfmodel.estimation.body.stereo_points import StereoPoints
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
+from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.model.self_model import SelfModel
@@ -127,7 +128,12 @@ def learn_cameras_and_arm(
 
 
 def watch_hand(
-    nico: RenderedNico, counts: Counts | None = None, stage: Stage | None = None
+    nico: RenderedNico,
+    counts: Counts | None = None,
+    stage: Stage | None = None,
+    *,
+    options: CameraOptions | None = None,
+    observed: bool = False,
 ) -> WatchedHand:
     """Calibrate the cameras, and move the arm before them.
 
@@ -135,11 +141,13 @@ def watch_hand(
         nico: The robot.
         counts: How much is recorded.
         stage: Told what is going on.
+        options: What of the cameras is held.
+        observed: Whether what is held out has true places of the hand beside it.
     """
     counts = counts or Counts()
     views = nico.board_views(counts.boards, 0, progress=telling(stage, "looking at a chessboard"))
     telling(stage, "learning the cameras")(0, 1)
-    cameras = calibrate_cameras(views)
+    cameras = calibrate_cameras(views, options)
     telling(stage, "learning the cameras")(1, 1)
     train = nico.record(
         "train",
@@ -155,6 +163,7 @@ def watch_hand(
         0,
         counts.test,
         rig=cameras.rig,
+        observed=observed,
         progress=telling(stage, "new poses, kept for judging"),
     )
     return WatchedHand(views, cameras, train, test)

@@ -145,6 +145,15 @@ def test_two_boards_are_too_few(spoilt, tmp_path, command):
     assert "saw 2 boards, at least 3" in refused(command, spoilt, tmp_path)
 
 
+def test_a_copied_pair_is_no_third_board(spoilt, tmp_path, command):
+    for path in spoilt.iterdir():
+        if path.stem[-2:] not in ("01", "02"):
+            path.unlink()
+    for path in list(spoilt.glob("*02.png")):
+        shutil.copy(path, spoilt / path.name.replace("02", "03"))
+    assert "saw 2 boards, at least 3" in refused(command, spoilt, tmp_path)
+
+
 @pytest.mark.slow
 def test_swapped_cameras_are_recognised(spoilt, tmp_path, command):
     for path in sorted(spoilt.glob("left*")):

@@ -1,5 +1,7 @@
 """A learned arm names the poses that would teach it most."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -66,12 +68,19 @@ def test_no_joint_goes_further_than_it_has_been(learned, recorded):
 @pytest.mark.slow
 def test_data_of_another_arm_or_point_are_refused(learned, recorded):
     rng = np.random.default_rng(4)
-    with pytest.raises(DataError, match="no direct view of 'elbow'"):
+    with pytest.raises(ValueError, match="no marker 'elbow'; there are hand"):
         choose_next_poses(learned, recorded, 5, rng, marker="elbow")
     other = SimulatedRobot.under_motion_capture(
         ArmDescription.named("nico", "left_arm"), IMPERFECTIONS["clean"], 0
     )
     middle = [0.5 * (joint.lower + joint.upper) for joint in other.joints]
     left = record(other, [("", np.array(middle))], "left")
-    with pytest.raises(DataError, match="the data are of the joints left_"):
+    with pytest.raises(DataError, match="has the joints left_"):
         choose_next_poses(learned, left, 5, rng)
+
+
+def test_data_in_other_units_are_refused(learned, recorded):
+    first = replace(recorded.joints[0], encoder_unit="deg", counts_per_turn=None)
+    other = replace(recorded, joints=(first, *recorded.joints[1:]))
+    with pytest.raises(DataError, match="is read in deg"):
+        choose_next_poses(learned, other, 5, np.random.default_rng(4))

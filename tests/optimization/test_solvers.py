@@ -1,12 +1,10 @@
-"""Levenberg-Marquardt as a Drake solver, with SNOPT and IPOPT as its witnesses."""
+"""Levenberg-Marquardt, with SNOPT and IPOPT as its witnesses on Drake's side of the program."""
 
 import numpy as np
 import pytest
-from pydrake.solvers import MathematicalProgram, SolutionResult, SolverOptions
 
 from nico_selfmodel.errors import ImpossibleModelError
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram
-from nico_selfmodel.optimization.levenberg_marquardt_solver import LevenbergMarquardtSolver
 from nico_selfmodel.optimization.losses import Loss
 
 SOLVERS = ["lm", "snopt", "ipopt"]
@@ -59,48 +57,11 @@ def test_priors_alone_make_a_program(solver):
     assert program.solve(solver).x == pytest.approx([1.0, -2.0], abs=1e-4)
 
 
-def test_the_solution_is_a_result_that_drake_can_read(decay):
-    decay.fix("height", 1.7)
-    solver = LevenbergMarquardtSolver(decay)
-    result = solver.Solve(decay.prog)
-    height, rate = decay.prog.decision_variables()
-    assert result.is_success()
-    assert result.get_solution_result() == SolutionResult.kSolutionFound
-    assert result.GetSolution(height) == 1.7
-    assert result.GetSolution(rate) == result.get_x_val()[1]
-    assert result.GetSolution(2.0 * height).Evaluate() == pytest.approx(3.4)
-    assert result.get_optimal_cost() == pytest.approx(solver.last.cost, rel=1e-9)
-    assert solver.last.converged
-    binding = decay.prog.generic_costs()[0]
-    assert decay.prog.EvalBinding(binding, result.get_x_val()) == pytest.approx(solver.last.cost)
-
-
-def test_a_guess_replaces_the_programs_own(decay):
-    solver = LevenbergMarquardtSolver(decay)
-    known = solver.Solve(decay.prog).get_x_val()
-    solver.Solve(decay.prog, known)
-    assert solver.last.iterations <= 2
-    assert decay.start.tolist() == [0.5, 0.1]
-
-
 def test_the_limit_of_iterations_is_no_success(decay):
     solution = decay.solve(max_iterations=2)
     assert not solution.converged
     assert solution.iterations == 2
     assert solution.cost <= solution.history[0]
-    solver = LevenbergMarquardtSolver(decay)
-    options = SolverOptions()
-    options.SetOption(solver.solver_id(), "max_iterations", 2)
-    result = solver.Solve(decay.prog, None, options)
-    assert not result.is_success()
-    assert result.get_solution_result() == SolutionResult.kIterationLimit
-
-
-def test_options_may_be_set_on_the_program(decay):
-    solver = LevenbergMarquardtSolver(decay)
-    decay.prog.SetSolverOption(solver.solver_id(), "max_iterations", 1)
-    assert not solver.Solve(decay.prog).is_success()
-    assert solver.last.iterations == 1
 
 
 def test_the_history_falls_to_the_cost(decay):
@@ -109,23 +70,11 @@ def test_the_history_falls_to_the_cost(decay):
     assert solution.history[-1] == solution.cost
 
 
-def test_another_program_is_refused(decay):
-    solver = LevenbergMarquardtSolver(decay)
-    other = MathematicalProgram()
-    other.NewContinuousVariables(2)
-    assert solver.available()
-    assert solver.enabled()
-    assert solver.AreProgramAttributesSatisfied(decay.prog)
-    assert solver.ExplainUnsatisfiedProgramAttributes(decay.prog) == ""
-    assert not solver.AreProgramAttributesSatisfied(other)
-    with pytest.raises(ValueError, match="only the program of its CalibrationProgram"):
-        solver.Solve(other)
-
-
-@pytest.mark.parametrize("guess", [[np.nan, 1.0], [1.0, np.inf]])
-def test_a_guess_that_is_no_number_is_refused(decay, guess):
+@pytest.mark.parametrize("start", [[np.nan, 1.0], [1.0, np.inf]])
+def test_a_start_that_is_no_number_is_refused(decay, start):
+    decay.move_start(np.array(start))
     with pytest.raises(ValueError, match="initial guess must be finite"):
-        LevenbergMarquardtSolver(decay).Solve(decay.prog, np.array(guess))
+        decay.solve()
 
 
 def test_an_unknown_solver_is_answered_with_the_known_ones(decay):

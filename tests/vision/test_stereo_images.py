@@ -43,9 +43,9 @@ def test_pairs_come_in_the_order_of_their_numbers(folder):
 
 def test_copies_of_photographs_are_left_out_by_name(folder):
     found = detect_boards(folder, BOARD, 4)
-    with pytest.warns(UserWarning, match="copies of photographs are left out: 2 of 1, 10 of 1"):
+    with pytest.warns(UserWarning, match="copies of photographs are left out: 2 of 1$"):
         views = found.seen_views
-    assert views.names == ("1",)
+    assert views.names == ("1", "10")  # what its right camera saw is another thing
 
 
 def test_a_single_pair_needs_no_number(tmp_path, board_image):

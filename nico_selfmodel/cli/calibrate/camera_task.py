@@ -77,9 +77,9 @@ class CameraTask:
 
         if known is not None:
             cameras_for(known, found.views)  # refused before anything is learned
-        train, test = found.views, None
+        train, test = found.seen_views, None
         if self.held_out.test_fraction is not None:
-            train, test = found.seen_views.split(self.held_out.test_fraction, self.held_out.seed)
+            train, test = train.split(self.held_out.test_fraction, self.held_out.seed)
         progress("learning the cameras", 0, 2)
         choice = lens_of(train, options)
         calibration = choice.calibration

@@ -11,7 +11,6 @@ from nico_selfmodel.estimation.mirrors.reflection_residuals import independent_c
 from nico_selfmodel.estimation.mirrors.reflections import (
     ReflectionNoise,
     Reflections,
-    known_points,
     seen_by_any,
 )
 from nico_selfmodel.model.cameras.mirror import Mirror
@@ -64,7 +63,7 @@ def unnamed_reflections(dataset: Dataset, model: SelfModel, noise: ReflectionNoi
     rows = np.flatnonzero(seen_by_any(dataset.pixels))
     if not rows.size:
         return "; it has no pixels at all"
-    views = _views(dataset, model, rows)
+    views = Reflections.of_rows(dataset, model, rows, ["?"] * len(rows))
     if np.median(direct_chi_square(views, noise)) < _LOOKS_DIRECT:
         return "; its pixels show the hand directly"
     try:
@@ -97,7 +96,7 @@ def misplaced_rows(
     rows = np.flatnonzero(seen_by_any(dataset.pixels) & (dataset.mirror == ""))
     if not rows.size or set(dataset.marker[rows].tolist()) - set(model.markers):
         return rows[:0]
-    views = _views(dataset, model, rows)
+    views = Reflections.of_rows(dataset, model, rows, ["?"] * len(rows))
     direct = direct_chi_square(views, noise)
     reflected = np.min([chi_square(views, mirror, noise) for mirror in mirrors.values()], axis=0)
     return rows[(reflected < _LOOKS_DIRECT) & (direct > reflected)]
@@ -120,24 +119,6 @@ def chi_square(reflections: Reflections, mirror: Mirror, noise: ReflectionNoise)
     """Return how badly each row fits its point seen in a mirror. Shape (N,)."""
     shown = reflected_projection(reflections.cameras, mirror.values, reflections.p_WQ)
     return _chi_square(reflections, shown.pixels, shown.by_point, noise)
-
-
-def _views(dataset: Dataset, model: SelfModel, rows: NDArray) -> Reflections:
-    """Return rows as if all were reflections in one mirror without a name."""
-    points = known_points(dataset, model, rows)
-    return Reflections(
-        ("?",),
-        np.zeros(len(rows), dtype=int),
-        model.rig.cameras,
-        dataset.pixels[rows],
-        points.p_WH,
-        np.zeros((len(rows), 3, 3)),
-        points.by_angle,
-        dataset.sample[rows],
-        dataset.pose[rows],
-        rows,
-        points.shared,
-    )
 
 
 def _chi_square(

@@ -93,8 +93,15 @@ class Reflections:
                 f"data set {dataset.name!r} has no reflection: the column `mirror` must name the "
                 "mirror in rows whose pixels were seen in it"
             )
-        names = tuple(dict.fromkeys(dataset.mirror[rows].tolist()))
-        index = np.array([names.index(name) for name in dataset.mirror[rows].tolist()])
+        return cls.of_rows(dataset, model, rows, dataset.mirror[rows].tolist())
+
+    @classmethod
+    def of_rows(
+        cls, dataset: Dataset, model: SelfModel, rows: NDArray, mirrors: list[str]
+    ) -> "Reflections":
+        """Take chosen rows, as if seen in mirrors of these names; raises as `known_points`."""
+        names = tuple(dict.fromkeys(mirrors))
+        index = np.array([names.index(name) for name in mirrors], dtype=int)
         points = known_points(dataset, model, rows)
         return cls(
             names,

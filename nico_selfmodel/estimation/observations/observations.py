@@ -65,14 +65,27 @@ class Observations:
                 f"{listed(known) or 'any marker'}: record them, or learn from pixels with known "
                 "cameras (--cameras)"
             )
-        index = {name: i for i, name in enumerate(known)}
+        return cls.of_rows(dataset, known, rows, dataset.p_WH_measured[rows])
+
+    @classmethod
+    def of_rows(
+        cls, dataset: Dataset, markers: tuple[str, ...], rows: NDArray, p_WH: NDArray
+    ) -> "Observations":
+        """Take chosen rows, with what is said to have been measured in them.
+
+        Args:
+            dataset: The data.
+            markers: Names of the tracked points.
+            rows: Rows of these.
+            p_WH: What was measured [m]. Shape (N, 3).
+        """
         units = servo_units(dataset)
         return cls(
             dataset.joint_names,
-            tuple(known),
+            tuple(markers),
             units.to_radians(dataset.encoders[rows]),
-            np.array([index[name] for name in dataset.marker[rows].tolist()]),
-            dataset.p_WH_measured[rows],
+            np.array([markers.index(name) for name in dataset.marker[rows].tolist()]),
+            p_WH,
             dataset.sample[rows],
             dataset.pose[rows],
             dataset.visit[rows],

@@ -8,10 +8,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.observations.matching import reading_columns
-from nico_selfmodel.estimation.observations.observations import (
-    Observations,
-    servo_units,
-)
+from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
@@ -53,21 +50,7 @@ class PixelObservations:
                 f"data set {dataset.name!r} has no pixels (left_u, left_v, right_u, right_v) of "
                 f"{listed(known) or 'any marker'}: record it with cameras that track the hand"
             )
-        index = {name: i for i, name in enumerate(known)}
-        units = servo_units(dataset)
-        arm = Observations(
-            dataset.joint_names,
-            tuple(known),
-            units.to_radians(dataset.encoders[rows]),
-            np.array([index[name] for name in dataset.marker[rows].tolist()]),
-            np.zeros((len(rows), 3)),
-            dataset.sample[rows],
-            dataset.pose[rows],
-            dataset.visit[rows],
-            rows,
-            units.sign * dataset.approach[rows],
-            units,
-        )
+        arm = Observations.of_rows(dataset, known, rows, np.zeros((len(rows), 3)))
         hidden = ~np.repeat(finite[rows], 2, axis=1)
         return cls(arm, np.where(hidden, np.nan, dataset.pixels[rows]))
 

@@ -1,1 +1,1 @@
-"""Chessboards in pictures."""
+"""Boards in pictures: chessboards, ChArUco boards, AprilGrids, grids of circles."""

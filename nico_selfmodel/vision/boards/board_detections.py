@@ -196,22 +196,18 @@ def detect_boards_of_cameras(
 
 
 def _without_copies(views: BoardViews) -> BoardViews:
-    """Leave out views in which a camera saw what it saw before, to the last digit.
+    """Leave out views in which all cameras saw what they saw before, to the last digit.
 
     No two photographs have the same noise; a copy would count as evidence, and as held out.
     """
-    copies: dict[int, int] = {}
-    for camera in views.cameras:
-        corners = np.nan_to_num(views.of_camera(camera).reshape(len(views), -1), nan=-1.0)
-        _, first, same = np.unique(corners, axis=0, return_index=True, return_inverse=True)
-        lead = first[same.reshape(len(views))]
-        again = (lead < np.arange(len(views))) & (corners >= 0.0).any(axis=1)
-        copies |= {int(v): int(lead[v]) for v in np.flatnonzero(again)}
-    if not copies:
-        return views
-    pairs = [f"{views.names[v]} of {views.names[w]}" for v, w in sorted(copies.items())]
-    warnings.warn(f"copies of photographs are left out: {listed(pairs)}", stacklevel=3)
-    return views.select([v for v in range(len(views)) if v not in copies])
+    corners = np.nan_to_num(views.pixels.reshape(len(views), -1), nan=-1.0)
+    _, first, same = np.unique(corners, axis=0, return_index=True, return_inverse=True)
+    lead = first[same.reshape(len(views))]
+    new = lead == np.arange(len(views))
+    if not new.all():
+        pairs = [f"{views.names[v]} of {views.names[lead[v]]}" for v in np.flatnonzero(~new)]
+        warnings.warn(f"copies of photographs are left out: {listed(pairs)}", stacklevel=3)
+    return views.select(new)
 
 
 def _views_of(files: Mapping[str, Mapping[str, Path]]) -> tuple[str, ...]:

@@ -11,6 +11,8 @@ from nico_selfmodel.viz.figures.rgba import Rgba
 MARKER_SHAPES = ("sphere", "diamond")
 IMAGE_KINDS = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 """First bytes of a file -> its MIME type."""
+_SIZES = ("radius", "length", "width", "height")
+"""Fields of any item that are positive lengths [m]."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -25,7 +27,7 @@ class Item:
     """Pose of the item's own frame I in the scene's frame W. Shape (4, 4)."""
 
     def __post_init__(self) -> None:
-        """Check path, colour and pose, and make the arrays read-only."""
+        """Check path, colour, pose and sizes, and make the arrays read-only."""
         parts = self.path.split("/")
         if not all(parts) or any(part != part.strip() for part in parts):
             raise ValueError(f"path must be names joined by '/', got {self.path!r}")
@@ -34,6 +36,7 @@ class Item:
             raise ValueError(f"color must be four numbers from 0 to 1, got {self.color}")
         object.__setattr__(self, "color", color)
         self._freeze("X_WI", (4, 4))
+        self._check_positive(*(name for name in _SIZES if hasattr(self, name)))
 
     def _freeze(self, name: str, shape: tuple[int, ...]) -> None:
         object.__setattr__(self, name, frozen_array(getattr(self, name), shape, name))
@@ -75,7 +78,6 @@ class Markers(Item):
         """Check and freeze."""
         super().__post_init__()
         self._freeze_colors(self._freeze_list("centers"))
-        self._check_positive("radius")
         if self.shape not in MARKER_SHAPES:
             raise ValueError(f"shape must be one of {', '.join(MARKER_SHAPES)}, got {self.shape!r}")
 
@@ -98,7 +100,6 @@ class Needles(Item):
         super().__post_init__()
         self._freeze("ends", (self._freeze_list("starts"), 3))
         self._freeze_colors(len(self.starts))
-        self._check_positive("radius")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -132,7 +133,6 @@ class Tube(Item):
         super().__post_init__()
         if self._freeze_list("points") < 2:
             raise ValueError("a tube needs at least two points")
-        self._check_positive("radius")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -159,11 +159,6 @@ class Cylinder(Item):
     length: float
     """[m]."""
 
-    def __post_init__(self) -> None:
-        """Check and freeze."""
-        super().__post_init__()
-        self._check_positive("radius", "length")
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Capsule(Item):
@@ -173,11 +168,6 @@ class Capsule(Item):
     """[m]."""
     length: float
     """Between the centres of the half spheres [m]."""
-
-    def __post_init__(self) -> None:
-        """Check and freeze."""
-        super().__post_init__()
-        self._check_positive("radius", "length")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -203,11 +193,6 @@ class Triad(Item):
     """Of each axis [m]."""
     radius: float
     """Of each axis [m]."""
-
-    def __post_init__(self) -> None:
-        """Check and freeze."""
-        super().__post_init__()
-        self._check_positive("length", "radius")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -253,7 +238,6 @@ class Picture(Item):
     def __post_init__(self) -> None:
         """Check and freeze."""
         super().__post_init__()
-        self._check_positive("width", "height")
         object.__setattr__(self, "image", bytes(self.image))
         if not self.image.startswith(tuple(IMAGE_KINDS)):
             raise ValueError(f"image must be a PNG or JPEG file, it begins {self.image[:8]!r}")
