@@ -246,6 +246,41 @@ def test_where_left_out_boards_gain_little_the_corners_decide_board_by_board(
     assert lens_evidence.is_wrong(asked, other) == wrong
 
 
+def ending_at(radius, lens, found):
+    """The same of a lens of a kind that is monotone up to a radius, or an angle."""
+    ends = {"cameras": (SimpleNamespace(lens=lens, reach=radius),)}
+    return replace(found, calibration=SimpleNamespace(**vars(found.calibration) | ends))
+
+
+@pytest.mark.parametrize(
+    ("by_corners", "gain", "fisheye_ends", "rational_ends", "likelier"),
+    [
+        (-4.9, 0.0, 1.56, np.inf, True),  # a fisheye that ends in front
+        (-4.9, 0.0, 1.58, np.inf, False),  # not in front
+        (-4.9, 0.0, 1.56, 5.0, False),  # both end
+        (-5.1, 0.0, 1.56, np.inf, False),  # corners leave no doubt
+        (0.1, 0.0, 1.58, np.inf, True),  # neither ends: the likelier one
+        (0.1, 0.0, 1.58, 5.0, False),  # the rational one ends
+        (4.9, -0.11, 1.58, np.inf, False),  # boards left out are missed by far
+        (4.9, -0.09, 1.58, np.inf, True),  # which may be chance
+        (5.1, -0.11, 1.58, np.inf, True),
+        (-4.9, 0.11, 1.58, np.inf, True),
+    ],
+)
+def test_where_corners_leave_doubt_a_lens_that_ends_in_front_is_not_taken(
+    by_corners, gain, fisheye_ends, rational_ends, likelier
+):
+    left = np.full(20, 0.01)
+    fisheye = left_by_a_lens(
+        0.01 * np.sqrt(np.full(20, 1.0 + by_corners / 600)), 0.01 * np.full(20, np.exp(gain))
+    )
+    rational = left_by_a_lens(left, left)
+    fisheye = ending_at(fisheye_ends, "fisheye", fisheye)
+    rational = ending_at(rational_ends, "rational", rational)
+    assert lens_evidence.is_likelier(rational, fisheye) == likelier
+    assert lens_evidence.is_likelier(fisheye, rational) != likelier
+
+
 def test_numbers_that_corners_do_not_need_do_not_count():
     one, other = (
         left_by_a_lens(np.full(20, 0.01), np.ones(20)),

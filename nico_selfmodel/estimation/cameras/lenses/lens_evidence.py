@@ -37,6 +37,9 @@ _AGREED = 1.645
 twenty by chance (Vuong 1989)."""
 _FAR_LIKELIER = 5.0
 """Logarithm of the likelihoods' ratio that leaves no doubt (Kass, Raftery 1995: 2 ln B > 10)."""
+_FAR_NEARER = 0.1
+"""Mean logarithm of the errors' ratio of boards left out that is no chance: the noise of a number
+more moved it by 0.08 at most in 80 simulated cameras."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +148,21 @@ def surplus(one: LensEvidence, other: LensEvidence) -> float:
 def _by_numbers(one: LensEvidence, other: LensEvidence) -> float:
     numbers = len(one.calibration.names) - len(other.calibration.names)
     return float(unlikelier(one, other).sum()) + numbers
+
+
+def is_likelier(one: LensEvidence, other: LensEvidence) -> bool:
+    """Tell which of two lenses that unseen boards do not refuse is the likelier one.
+
+    The corners learned from say so. Where they leave doubt, a lens of another kind that bends to
+    all of them ends not far beyond, or misses boards at the edge that it was learned without.
+    """
+    less, gain = surplus(other, one), other.mean - one.mean
+    if abs(less) > _FAR_LIKELIER:
+        return less > 0.0
+    if abs(gain) > _FAR_NEARER:
+        return gain > 0.0
+    ends = ends_early(other.calibration) - ends_early(one.calibration)
+    return ends > 0 or (ends == 0 and less > 0.0)
 
 
 def unlikelier(one: LensEvidence, other: LensEvidence) -> NDArray:
