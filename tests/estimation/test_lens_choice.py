@@ -222,6 +222,12 @@ def left_by_a_lens(board_px, left_out):
     return lens_evidence.LensEvidence(None, calibration, None, np.log(left_out), False)
 
 
+def ending_at(radius, lens, found):
+    """The same of a lens of a kind that is monotone up to a radius, or an angle."""
+    ends = {"cameras": (SimpleNamespace(lens=lens, reach=radius),)}
+    return replace(found, calibration=SimpleNamespace(**vars(found.calibration) | ends))
+
+
 @pytest.mark.parametrize(
     ("spread", "by_corners", "gain", "wrong"),
     [
@@ -242,14 +248,29 @@ def test_where_left_out_boards_gain_little_the_corners_decide_board_by_board(
     left = np.exp(0.05 * np.array([-1.0, 1.0] * 10))  # what is left out scatters by more
     asked = left_by_a_lens(0.01 * np.sqrt(1.0 + own / 30), 0.01 * np.exp(gain) * left)
     other = left_by_a_lens(np.full(20, 0.01), np.full(20, 0.01))
+    asked, other = ending_at(1.58, "fisheye", asked), ending_at(np.inf, "rational", other)
     assert lens_evidence.unlikelier(asked, other).sum() == pytest.approx(by_corners)
     assert lens_evidence.is_wrong(asked, other) == wrong
 
 
-def ending_at(radius, lens, found):
-    """The same of a lens of a kind that is monotone up to a radius, or an angle."""
-    ends = {"cameras": (SimpleNamespace(lens=lens, reach=radius),)}
-    return replace(found, calibration=SimpleNamespace(**vars(found.calibration) | ends))
+@pytest.mark.parametrize(
+    ("by_corners", "fisheye_ends", "rational_ends", "wrong"),
+    [
+        (5.1, 1.56, np.inf, True),
+        (4.9, 1.56, np.inf, False),
+        (5.1, 1.58, np.inf, False),
+        (5.1, 1.56, 5.0, False),
+    ],
+)
+def test_where_boards_do_not_agree_a_lens_that_ends_in_front_is_wrong(
+    by_corners, fisheye_ends, rational_ends, wrong
+):
+    own = by_corners / 20 + 0.8 * np.array([-1.0, 1.0] * 10)
+    asked = left_by_a_lens(0.01 * np.sqrt(1.0 + own / 30), np.full(20, 0.01))
+    other = left_by_a_lens(np.full(20, 0.01), np.full(20, 0.01))
+    asked = ending_at(fisheye_ends, "fisheye", asked)
+    other = ending_at(rational_ends, "rational", other)
+    assert lens_evidence.is_wrong(asked, other) == wrong
 
 
 @pytest.mark.parametrize(

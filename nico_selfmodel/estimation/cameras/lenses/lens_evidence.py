@@ -184,7 +184,8 @@ def is_wrong(own: LensEvidence, other: LensEvidence) -> bool:
     Where a few boards alone tell, unseen ones scatter; where a wrong lens comes near, as a fisheye
     does to a rational one in the middle of the image, they gain less than that, but its misfit is
     several times what a place in the image is said to be uncertain by. Then the corners learned
-    from decide, board by board, as where the lens is left to them.
+    from decide, board by board, as where the lens is left to them; of all boards together, where
+    the lens asked for ends in front of the camera and the other does not.
     """
     if own.worse_than(other):
         return True
@@ -193,7 +194,8 @@ def is_wrong(own: LensEvidence, other: LensEvidence) -> bool:
     gain = float((own.left_out - other.left_out).mean())
     less = unlikelier(own, other)
     sigma = float(less.std(ddof=1)) * np.sqrt(len(less))
-    told = gain > _GAIN or float(less.sum()) > _AGREED * sigma
+    ends = ends_early(own.calibration) and not ends_early(other.calibration)
+    told = ends or gain > _GAIN or float(less.sum()) > _AGREED * sigma
     return told and surplus(own, other) > _FAR_LIKELIER
 
 
