@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.vision.images.image_array import averaged
 
 _MARGIN = 2
 """Rendered pixels around what the lens sees, for the interpolation."""
@@ -278,7 +279,7 @@ class LensWarp:
     def _averaged(self, bent: NDArray, size: tuple[int, int]) -> NDArray:
         if self.supersample == 1:
             return bent
-        return cv2.resize(bent, size, interpolation=cv2.INTER_AREA)
+        return averaged(bent, size)
 
     def plain(self, color: NDArray) -> NDArray:
         """Return what becomes of a plain picture; the same array again for the same colour.

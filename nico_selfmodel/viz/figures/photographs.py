@@ -2,11 +2,10 @@
 
 from collections.abc import Mapping
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.vision.images.image_array import between_pixels, turned_colors
+from nico_selfmodel.vision.images.image_array import averaged, between_pixels, turned_colors
 from nico_selfmodel.vision.images.image_file import encoded
 
 Photographs = Mapping[str, Mapping[str, NDArray]]
@@ -80,11 +79,6 @@ def shrunk(image: NDArray, width: int) -> NDArray:
         return image
     rows, columns = (size // step for size in image.shape[:2])
     return averaged(image[: rows * step, : columns * step], (columns, rows))
-
-
-def averaged(image: NDArray, size: tuple[int, int]) -> NDArray:
-    """Return an image of a smaller width and height, by means over what each pixel covers."""
-    return cv2.resize(np.ascontiguousarray(image), size, interpolation=cv2.INTER_AREA)
 
 
 def jpeg(image: NDArray) -> bytes:

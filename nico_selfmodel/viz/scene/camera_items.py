@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.vision.images.image_array import averaged
 from nico_selfmodel.viz.figures import palette
-from nico_selfmodel.viz.figures.photographs import averaged, jpeg, resampled
+from nico_selfmodel.viz.figures.photographs import jpeg, resampled
 from nico_selfmodel.viz.scene.lettering import label
 from nico_selfmodel.viz.scene.scene import LegendEntry
 from nico_selfmodel.viz.scene.scene_items import Item, Markers, Picture, Surface, Tube
