@@ -96,21 +96,13 @@ def test_a_rational_lens_is_never_taken_for_a_polynomial(seed):
 
 
 @pytest.mark.slow
-def test_rational_lenses_are_told_from_fisheyes_where_their_corners_are():
+def test_rational_lenses_are_told_from_fisheyes_though_some_bend_light_alike():
     """Of wide rational lenses some bend light as a fisheye to a hundredth of a pixel."""
-    missed = []
-    for seed in range(300, 320):
-        train = scene("rational", seed)[1]
-        if lens_of(train, CameraOptions(lens="auto")).lens != "rational":
-            missed.append(train)
-    assert len(missed) <= 5
-    for train in missed:
-        costs = [
-            calibrate_cameras(train, CameraOptions(lens=lens, loss="none")).cost
-            for lens in ("fisheye", "rational")
-        ]
-        # Two numbers more lower it by one variance, 0.01 px^2, where they say nothing.
-        assert costs[0] - costs[1] < 0.04
+    taken = [
+        lens_of(scene("rational", seed)[1], CameraOptions(lens="auto")).lens
+        for seed in range(300, 320)
+    ]
+    assert taken.count("rational") >= 19
 
 
 def verdict_on(kind, seed, lens):
