@@ -26,7 +26,7 @@ from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.arm.loaded_posture import LoadedPosture, loaded
 from nico_selfmodel.model.arm.uniform_rods import load_sigmas, uniform_rods
 
-SURE = (8.0, 40.0)
+SURE = (40.0, 8.0)
 """Robust standard deviations of a rigid body beyond which its outliers are left out: both are tried
 where they differ, for the most bent poses look like outliers, and outliers like bends."""
 
@@ -150,9 +150,9 @@ class BendingArm:
 
     def few(self) -> "Iterator[BendingArm]":
         """Yield what is asked: some poses, without what is an outlier whatever bends."""
-        aside = [certain_outliers(self.observations, self.solution, sure) for sure in SURE]
         asked: set[bytes] = set()
-        for without in np.unique(np.stack(aside), axis=0):
+        for sure in SURE:
+            without = certain_outliers(self.observations, self.solution, sure)
             seen, solved, keep = thinned(self.observations, self.solution, without, self.seed)
             if keep.tobytes() in asked:  # what else differs is not among these poses
                 continue

@@ -253,12 +253,12 @@ class BendingTree:
         distance = self._distances(self.posture)
         scale = robust_scale(distance[~solution.outliers & np.isfinite(distance)], 3)
         aside = [solution.outliers & (distance > sure * scale) for sure in SURE]
-        aside[0] = aside[0] | slipped
+        aside[-1] = aside[-1] | slipped
         keep = self._thinned()
         kept_rows = np.append(keep, True)[table.pose]
         few = self.seen if keep.all() else TreeObservations.of(data.select(keep))
         asked: set[bytes] = set()
-        for without in np.unique(np.stack(aside), axis=0):
+        for without in aside:
             outliers = without[kept_rows]
             if outliers.tobytes() not in asked:  # else what differs is not among these poses
                 asked.add(outliers.tobytes())

@@ -89,6 +89,16 @@ def detectable(image: NDArray) -> NDArray:
     return gray
 
 
+def averaged(image: NDArray, size: tuple[int, int]) -> NDArray:
+    """Return an image of a smaller width and height, by means over what each pixel covers.
+
+    Args:
+        image: 8 bits. Shape (h, w) or (h, w, channels).
+        size: Width and height [px].
+    """
+    return cv2.resize(np.ascontiguousarray(image), size, interpolation=cv2.INTER_AREA)
+
+
 def reduced(gray: NDArray, most: int) -> tuple[NDArray, float]:
     """Return a copy of at most so many pixels, and how many pixels of the image one of its is."""
     scale = int(np.ceil((gray.size / most) ** 0.5))
@@ -96,7 +106,7 @@ def reduced(gray: NDArray, most: int) -> tuple[NDArray, float]:
         return gray, 1.0
     height, width = (side // scale for side in gray.shape)
     whole = gray[: height * scale, : width * scale]
-    return cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA), float(scale)
+    return averaged(whole, (width, height)), float(scale)
 
 
 def smoothed_within(picture: NDArray, inside: NDArray, sigma: float) -> NDArray:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.vision.images.image_array import averaged
 
 _MARGIN = 2
 """Rendered pixels around what the lens sees, for the interpolation."""
@@ -222,17 +223,16 @@ class LensWarp:
         Returns:
             Shape (N, 2); of none where no pixel has a ray.
         """
-        s, rays = self.supersample, self.rays[region.samples]
-        lit = np.all(rays < _NOWHERE, axis=2)
-        of_pixel = lit.reshape(shown.shape[0], s, shown.shape[1], s)
+        s, (whole, lit) = self.supersample, self._lit
         within = cv2.erode(
-            (shown & of_pixel.all(axis=(1, 3))).astype(np.uint8),
+            (shown & whole[region.pixels]).astype(np.uint8),
             np.ones((3, 3), np.uint8),
             borderType=cv2.BORDER_CONSTANT,
             borderValue=(0.0,),
         )
         sides = shown & (within == 0)
-        return rays[sides.repeat(s, axis=0).repeat(s, axis=1) & lit].astype(float)
+        wanted = sides.repeat(s, axis=0).repeat(s, axis=1) & lit[region.samples]
+        return self.rays[region.samples][wanted].astype(float)
 
     def _region(self, rows: slice, columns: slice) -> "Region":
         s = self.supersample
@@ -279,7 +279,7 @@ class LensWarp:
     def _averaged(self, bent: NDArray, size: tuple[int, int]) -> NDArray:
         if self.supersample == 1:
             return bent
-        return cv2.resize(bent, size, interpolation=cv2.INTER_AREA)
+        return averaged(bent, size)
 
     def plain(self, color: NDArray) -> NDArray:
         """Return what becomes of a plain picture; the same array again for the same colour.
@@ -300,6 +300,13 @@ class LensWarp:
         """Samples that nothing is rendered for. Boolean, shape (height s, width s)."""
         places = self.maps[0]
         return np.any((places < 0) | (places >= np.array(self.render_size)), axis=2)
+
+    @cached_property
+    def _lit(self) -> tuple[NDArray, NDArray]:
+        """Pixels all of whose samples have a ray, and samples that have one. Boolean."""
+        s, lit = self.supersample, np.all(self.rays < _NOWHERE, axis=2)
+        width, height = self.camera.image_size
+        return lit.reshape(height, s, width, s).all(axis=(1, 3)), lit
 
     @cached_property
     def _cells(self) -> tuple[NDArray, NDArray]:

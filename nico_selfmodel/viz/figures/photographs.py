@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.vision.images.image_array import between_pixels, turned_colors
+from nico_selfmodel.vision.images.image_array import averaged, between_pixels, turned_colors
 from nico_selfmodel.vision.images.image_file import encoded
 
 Photographs = Mapping[str, Mapping[str, NDArray]]
@@ -78,10 +78,7 @@ def shrunk(image: NDArray, width: int) -> NDArray:
     if step <= 1 or image.shape[0] < step:
         return image
     rows, columns = (size // step for size in image.shape[:2])
-    blocks = image[: rows * step, : columns * step].reshape(rows, -1, columns, step, 3)
-    # One sum after the other: numpy is slow where axes to be summed lie apart.
-    sums = blocks.sum(axis=1, dtype=np.uint32).sum(axis=2, dtype=np.uint32)
-    return ((sums + step * step // 2) // (step * step)).astype(np.uint8)
+    return averaged(image[: rows * step, : columns * step], (columns, rows))
 
 
 def jpeg(image: NDArray) -> bytes:

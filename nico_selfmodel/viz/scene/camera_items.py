@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.vision.images.image_array import averaged
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.photographs import jpeg, resampled
 from nico_selfmodel.viz.scene.lettering import label
@@ -17,7 +18,6 @@ from nico_selfmodel.viz.scene.scene_items import Item, Markers, Picture, Surface
 
 _PIXELS = 320
 """Width of an image in a scene."""
-_SUPERSAMPLED = 2
 _PLANE, _LINE = "#ccaa22", "#eebb00"
 _WIRE, _CENTER, _RAY, _POINT = 0.012, 0.04, 0.009, 0.05
 """Radii in units of the image plane's width."""
@@ -89,15 +89,14 @@ class ImagePlane:
         """
         width = min(_PIXELS, image.shape[1])
         shape = np.array([width, max(round(width * image.shape[0] / image.shape[1]), 1)])
-        fine = _SUPERSAMPLED * shape
-        share = [(np.arange(n) + 0.5) / n for n in fine.tolist()]
+        share = [(np.arange(n) + 0.5) / n for n in shape.tolist()]
         grid = np.stack(np.meshgrid(*share))
         ideal = (self.low[:, None, None] + grid * self.size[:, None, None]) / self.distance
         seen = np.hypot(*ideal) < self.camera.widest
         pixels = np.moveaxis(np.where(seen, self.camera.pixels_of(ideal), np.nan), 0, -1)
-        colors = resampled(image, pixels).astype(np.uint16)
-        blocks = colors.reshape(shape[1], _SUPERSAMPLED, shape[0], _SUPERSAMPLED, 3)
-        return (blocks.sum(axis=1).sum(axis=2) // _SUPERSAMPLED**2).astype(np.uint8)
+        smaller = shape / image.shape[1::-1]
+        width, height = shape.tolist()
+        return resampled(averaged(image, (width, height)), (pixels + 0.5) * smaller - 0.5)
 
 
 def camera_items(

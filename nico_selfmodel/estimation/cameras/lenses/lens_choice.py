@@ -33,10 +33,10 @@ from nico_selfmodel.estimation.cameras.lenses.lens_evidence import (
     LensEvidence,
     asks_for_others,
     evidence_of,
+    is_likelier,
     is_wrong,
     misfits_of,
     needed_of,
-    surplus,
 )
 from nico_selfmodel.estimation.cameras.parts_of_boards import told_places
 from nico_selfmodel.estimation.results.calibration_result import finite
@@ -254,7 +254,7 @@ def _chosen(found: dict[str, LensEvidence], failed: dict[str, LensTrial]) -> Len
     clean = [lens for lens in as_well if not found[lens].flawed] or as_well
     taken = clean[0]
     for lens in clean[1:]:
-        if surplus(found[taken], found[lens]) > 0.0:
+        if is_likelier(found[lens], found[taken]):
             taken = lens
     trials = dict(failed)
     for lens in order:

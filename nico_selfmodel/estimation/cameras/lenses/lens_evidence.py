@@ -37,6 +37,9 @@ _AGREED = 1.645
 twenty by chance (Vuong 1989)."""
 _FAR_LIKELIER = 5.0
 """Logarithm of the likelihoods' ratio that leaves no doubt (Kass, Raftery 1995: 2 ln B > 10)."""
+_FAR_NEARER = 0.1
+"""Mean logarithm of the errors' ratio of boards left out that is no chance: the noise of a number
+more moved it by 0.08 at most in 80 simulated cameras."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +150,21 @@ def _by_numbers(one: LensEvidence, other: LensEvidence) -> float:
     return float(unlikelier(one, other).sum()) + numbers
 
 
+def is_likelier(one: LensEvidence, other: LensEvidence) -> bool:
+    """Tell which of two lenses that unseen boards do not refuse is the likelier one.
+
+    The corners learned from say so. Where they leave doubt, a lens of another kind that bends to
+    all of them ends not far beyond, or misses boards at the edge that it was learned without.
+    """
+    less, gain = surplus(other, one), other.mean - one.mean
+    if abs(less) > _FAR_LIKELIER:
+        return less > 0.0
+    if abs(gain) > _FAR_NEARER:
+        return gain > 0.0
+    ends = ends_early(other.calibration) - ends_early(one.calibration)
+    return ends > 0 or (ends == 0 and less > 0.0)
+
+
 def unlikelier(one: LensEvidence, other: LensEvidence) -> NDArray:
     """Return by how much each board's corners are less likely under one lens than under another.
 
@@ -166,7 +184,8 @@ def is_wrong(own: LensEvidence, other: LensEvidence) -> bool:
     Where a few boards alone tell, unseen ones scatter; where a wrong lens comes near, as a fisheye
     does to a rational one in the middle of the image, they gain less than that, but its misfit is
     several times what a place in the image is said to be uncertain by. Then the corners learned
-    from decide, board by board, as where the lens is left to them.
+    from decide, board by board, as where the lens is left to them; of all boards together, where
+    the lens asked for ends in front of the camera and the other does not.
     """
     if own.worse_than(other):
         return True
@@ -175,7 +194,8 @@ def is_wrong(own: LensEvidence, other: LensEvidence) -> bool:
     gain = float((own.left_out - other.left_out).mean())
     less = unlikelier(own, other)
     sigma = float(less.std(ddof=1)) * np.sqrt(len(less))
-    told = gain > _GAIN or float(less.sum()) > _AGREED * sigma
+    ends = ends_early(own.calibration) and not ends_early(other.calibration)
+    told = ends or gain > _GAIN or float(less.sum()) > _AGREED * sigma
     return told and surplus(own, other) > _FAR_LIKELIER
 
 

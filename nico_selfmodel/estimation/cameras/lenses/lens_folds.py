@@ -38,12 +38,12 @@ def _turn(camera: Camera) -> str:
 
 
 def ends_early(calibration: CameraCalibration) -> bool:
-    """Tell whether a rational lens ends at some angle: at a fold, or at a pole.
+    """Tell whether a wide lens ends at some angle in front: at a fold, or at a pole.
 
     Light comes from all directions: rays just beyond what boards told would be shown nowhere.
     """
-    lenses = [camera for camera in calibration.cameras if camera.lens == RATIONAL]
-    return bool(np.isfinite([camera.reach for camera in lenses]).any())
+    ends = {RATIONAL: np.inf, FISHEYE: np.pi / 2.0}
+    return any(camera.reach < ends.get(camera.lens, 0.0) for camera in calibration.cameras)
 
 
 def folds_by_chance(calibration: CameraCalibration) -> set[str]:
