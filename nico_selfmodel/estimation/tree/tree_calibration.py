@@ -56,6 +56,9 @@ from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import refuse_unknown
 from nico_selfmodel.optimization.uncertainty import Uncertainty, scales_by_priors
 
+_ASTRAY = 30.0
+"""Median distances from the middle beyond which a few wrong sights put a marker."""
+
 
 @dataclass(frozen=True, eq=False)
 class TreeCalibration:
@@ -318,7 +321,7 @@ def _finished(
     uncertainty = ladder.in_doubt(_uncertainty(problem, solution, setup), ladder.solution.posture)
     # Of a body that was known before all is told.
     told = parameters.names if anew else tuple(setup.fixed)
-    unplaced = unplaced_markers(data, uncertainty, told)
+    unplaced = unplaced_markers(data, ~solution.outliers, uncertainty, told)
     return TreeCalibration(
         tree,
         name or data.name,
@@ -388,7 +391,9 @@ def _natural_scales(problem: TreeProblem, solution: TreeSolution) -> NDArray:
 
 
 def _size(tree: BodyTree, data: BodyDataset) -> float:
-    """Return about how far a body's markers are spread [m]; 0.1 at least."""
+    """Return about how far a body's markers are spread, but for those astray [m]; 0.1 at least."""
     motion = TreeMotion.at(tree, data.si_readings, data.X_flange)
     p = np.concatenate([motion.pose_of(marker)[1] for marker in tree.markers], axis=1)
+    away = np.linalg.norm(p - np.median(p, axis=1, keepdims=True), axis=0)
+    p = p[:, away <= _ASTRAY * (np.median(away) or np.inf)]
     return max(float(np.sqrt(np.var(p, axis=1).sum())), 0.1)

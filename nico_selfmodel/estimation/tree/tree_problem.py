@@ -17,6 +17,7 @@ from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.pose_noise import PoseWhitening
 from nico_selfmodel.estimation.tree import tree_priors
 from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
+from nico_selfmodel.estimation.tree.contradictions.far_jumps import with_far_jumps
 from nico_selfmodel.estimation.tree.forward.joint_errors import joint_errors
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
@@ -124,12 +125,7 @@ class TreeProblem:
         return tree_whitening(data, linear, data.groups(nothing), self.noise)
 
     def linear_at(self, values: NDArray, poses: NDArray | None) -> TreeLinear:
-        """Return residuals and derivatives; those of the last place are kept.
-
-        Args:
-            values: Of all parameters. Shape (P,).
-            poses: Where the search for whole poses begins. Shape (P, n, 4, 4).
-        """
+        """Return residuals and derivatives, kept of the last place; see `TreeResiduals.linear`."""
         key = values.tobytes()
         if self._last is None or self._last[0] != key:
             self._last = key, self.residuals.linear(values, poses)
@@ -206,7 +202,7 @@ class TreeProblem:
             program = self.program(values, whitening, linear.pulled)
             solution = program.solve(max_iterations=_STEPS_BETWEEN, tolerance=1e-7)
             values, steps = self._with(values, solution.x), steps + solution.iterations
-            linear = self._about_poses(values, groups, slipped, found)
+            linear = self._about_poses(values, groups, slipped, found, jumps=known and trim)
             now_slipped, now_found, new = slipped, found, groups
             settled = not known or self._learned_priors(values, found, slipped)
             if known and trim:
@@ -258,18 +254,24 @@ class TreeProblem:
         return self._finish(before.values, slipped, before.outliers, before.variances_known)
 
     def _about_poses(
-        self, values: NDArray, groups: PoseGroups, slipped: NDArray, outliers: NDArray
+        self,
+        values: NDArray,
+        groups: PoseGroups,
+        slipped: NDArray,
+        outliers: NDArray,
+        *,
+        jumps: bool = False,
     ) -> TreeLinear:
-        """Take joints to be where each pose shows them; return what is linear there."""
+        """Take joints to be where each pose shows them, be it far; return what is linear there."""
         linear = self._linear(values, outliers)
         whitening = tree_whitening(self.observations, linear, groups, self.noise, slipped)
         loose = self.observations.unread_in(groups.poses, slipped)
-        self._err(joint_errors(self.observations, whitening, linear.r / self.scale, loose))
-        return self._linear(values, outliers)
-
-    def _err(self, errors: NDArray | None) -> None:
-        """Let all be linear about other errors of joints. Shape (P, m)."""
+        errors = joint_errors(self.observations, whitening, linear.r / self.scale, loose)
+        if jumps:
+            how = values, outliers, linear.by_joint, self.scale
+            errors = with_far_jumps(self.residuals, *how, errors)
         self.residuals, self._last = self.residuals.erring(errors), None
+        return self._linear(values, outliers)
 
     def _finish(
         self, values: NDArray, slipped: NDArray, outliers: NDArray, known: bool, steps: int = 0
@@ -305,12 +307,9 @@ class TreeProblem:
         )
 
     def _whitened(
-        self,
-        values: NDArray,
-        outliers: NDArray,
-        slipped: NDArray | None,
+        self, values: NDArray, outliers: NDArray, slipped: NDArray | None,
         beside: NDArray | None = None,
-    ) -> tuple[NDArray, NDArray, Decorrelation | None]:
+    ) -> tuple[NDArray, NDArray, Decorrelation | None]:  # fmt: skip
         """Return whitened derivatives by what is free, and residuals, of what counts."""
         groups = self.observations.groups(outliers)
         linear = self._linear(values, outliers)
@@ -340,7 +339,7 @@ class TreeProblem:
             By what is free here and then by that, shape (k, free + e), and what is left, shape
             (k,).
         """
-        self._err(solution.joint_errors)
+        self.residuals, self._last = self.residuals.erring(solution.joint_errors), None
         slipped = solution.slipped_in(self.observations.groups(solution.outliers).numbers)
         return self._whitened(solution.values, solution.outliers, slipped, beside)[:2]
 

@@ -22,7 +22,6 @@ from nico_selfmodel.estimation.tree.compared_errors import (
     errors_of_tree,
     expected_errors,
 )
-from nico_selfmodel.estimation.tree.contradictions.unplaced_markers import seldom_seen
 from nico_selfmodel.estimation.tree.guesses.hand_eye import only_axis
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_findings import (
@@ -131,7 +130,8 @@ def _with_scale(calibration: TreeCalibration) -> tuple[tuple[str, ...], NDArray]
     """
     known, parameters = calibration.uncertainty, calibration.parameters
     never = (name for name, count in calibration.unplaced.items() if not count)
-    nowhere = [f"{name}.{part}" for name in never for part in SHIFTS]
+    far = (f"{name}.{part}" for name in never for part in SHIFTS)
+    nowhere = [name for name in far if name not in known.names]
     way = parameters.by_scale(calibration.values)
     if calibration.setup.scale_from is not None:
         way = np.zeros(len(way))
@@ -163,10 +163,14 @@ def _unobservable(calibration: TreeCalibration) -> tuple[str, ...]:
         or f"{name_unobservable(direction)}: record poses that move it apart from the others, or "
         f"fix `{direction.names[0]}`{_endless(calibration)}"
         for direction, by_none in zip(open_ways, calibration.told_by_no_pose, strict=True)
-        if not by_none and not seldom_seen(calibration.data, direction)
+        if not by_none and not _frames_of(direction) <= calibration.unplaced.keys()
     ]
     words = list(dict.fromkeys(words))
     return tuple(words if calibration.setup.scale_from is not None else [SCALE, *words])
+
+
+def _frames_of(direction: UnobservableDirection) -> set[str]:
+    return {name.rpartition(".")[0] for name in direction.names}
 
 
 def _endless(calibration: TreeCalibration) -> str:

@@ -1,62 +1,60 @@
 """Markers of which a recording does not tell where they are: never seen in it, or too seldom."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.model.tree.body_tree import FREE
 from nico_selfmodel.optimization.uncertainty import Uncertainty, UnobservableDirection
 
-_SELDOM = 5
+SELDOM = 5
 """Observations of a marker from which on something else than their number leaves it open."""
 
 
-def sights(data: BodyDataset) -> dict[str, int]:
-    """Return how often each marker was seen, or touched."""
-    table = data.observations
-    other = table.other[table.other >= 0]
-    counts = np.bincount(np.append(table.marker, other), minlength=len(data.markers))
-    return dict(zip((m.name for m in data.markers), counts.tolist(), strict=True))
-
-
-def never_seen(data: BodyDataset) -> tuple[str, ...]:
-    """Return markers that no row tells anything of, nor the recording itself."""
-    boards = {joint.name for joint in data.joints if joint.motion == FREE}
-    seen = sights(data)
-    return tuple(
-        m.name for m in data.markers if not seen[m.name] and m.xyz is None and m.on not in boards
-    )
-
-
-def seldom_seen(data: BodyDataset, direction: UnobservableDirection) -> tuple[str, ...]:
-    """Return markers that were seen too seldom to tell where they are; none if more is open.
-
-    Args:
-        data: The recording.
-        direction: What it leaves open.
-    """
-    seen = sights(data)
-    frames = sorted({name.rpartition(".")[0] for name in direction.names})
-    few = all(seen.get(name, _SELDOM) < _SELDOM for name in frames)
-    return tuple(frames) if few else ()
-
-
 def unplaced_markers(
-    data: BodyDataset, known: Uncertainty, told: Collection[str]
+    data: BodyDataset, keep: NDArray, known: Uncertainty, told: Collection[str]
 ) -> dict[str, int]:
     """Return markers that were seen too seldom to be placed, and how often.
 
     Args:
         data: The recording.
+        keep: Rows of its table that count. Boolean, shape (N,).
         known: What it tells.
         told: Parameters whose values come from elsewhere.
     """
     elsewhere = {name.rpartition(".")[0] for name in told}
-    names = {name for name in never_seen(data) if name not in elsewhere}
-    names = names.union(*(seldom_seen(data, way) for way in known.unobservable))
-    seen = sights(data)
+    seen = _sights(data, keep)
+    names = _never_seen(data, seen) - elsewhere
+    names = names.union(*(seldom_seen(seen, way) for way in known.unobservable))
     return {name: seen[name] for name in sorted(names)}
+
+
+def _sights(data: BodyDataset, keep: NDArray) -> dict[str, int]:
+    """Return how often each marker was seen, or touched, in some rows."""
+    table = data.observations.select(keep)
+    other = table.other[table.other >= 0]
+    counts = np.bincount(np.append(table.marker, other), minlength=len(data.markers))
+    return dict(zip((m.name for m in data.markers), counts.tolist(), strict=True))
+
+
+def _never_seen(data: BodyDataset, seen: Mapping[str, int]) -> set[str]:
+    """Return markers that no row tells anything of, nor the recording itself."""
+    boards = {joint.name for joint in data.joints if joint.motion == FREE}
+    unseen = (m for m in data.markers if not seen[m.name] and m.xyz is None)
+    return {m.name for m in unseen if m.on not in boards}
+
+
+def seldom_seen(seen: Mapping[str, int], direction: UnobservableDirection) -> set[str]:
+    """Return markers that were seen too seldom to tell where they are; none if more is open.
+
+    Args:
+        seen: How often each marker was seen.
+        direction: What is left open.
+    """
+    frames = {name.rpartition(".")[0] for name in direction.names}
+    return frames if all(seen.get(name, SELDOM) < SELDOM for name in frames) else set()
 
 
 def without_markers(data: BodyDataset, names: Collection[str]) -> BodyDataset:

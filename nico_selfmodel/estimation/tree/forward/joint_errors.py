@@ -19,10 +19,12 @@ from nico_selfmodel.estimation.noise.pose_noise import FREE_SIGMA, PoseWhitening
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.model.tree.body_tree import WHOLE_POSES, BodyTree
 
-_LARGEST = 0.2
-"""Standard deviation of a joint [rad or m] from which on it is no noise: where little tells of a
-joint that is read wrongly, where it is put is no better a place to be linear about than the
-reading."""
+_LARGEST = 0.02
+"""Standard deviation to which a pose must tell a joint [rad or m]: where little tells of one that
+is read wrongly, where it is put is no better a place to be linear about than the reading."""
+_MOST = 0.35
+"""Share of the visits in which a joint is read wrongly from which on it does not slip: what it is
+read to says nothing, and whatever it is put to would fit."""
 
 
 def joint_errors(
@@ -44,8 +46,11 @@ def joint_errors(
     sigma = np.tile(known, (len(numbers) + 1, 1))
     if loose is not None:
         sigma[:-1] = np.where(loose, FREE_SIGMA, known)
-    by_visit = whitening.joint_errors(-r[:, None])[0] * sigma
-    by_visit[sigma > _LARGEST] = 0.0
+    mean, spread = whitening.joint_errors(-r[:, None])
+    left = sigma * np.sqrt(np.maximum(np.einsum("vmm->vm", spread), 0.0))
+    by_visit = np.where(left > _LARGEST, 0.0, mean * sigma)
+    if loose is not None and len(loose):
+        by_visit[:-1, loose.mean(axis=0) > _MOST] = 0.0
     joints = observations.data.joints
     whole = [joints[i].motion in WHOLE_POSES for i, _ in observations.noisy_joints]
     by_visit[:, whole] = 0.0
