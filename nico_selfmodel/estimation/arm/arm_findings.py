@@ -7,7 +7,7 @@ from nico_selfmodel.estimation.arm.evaluation import Evaluation
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
 from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
 from nico_selfmodel.estimation.diagnosis.gear_check import gear_words
-from nico_selfmodel.estimation.diagnosis.misread_joint import misread_joints
+from nico_selfmodel.estimation.diagnosis.misread_joint import misread_joints, nearest_turns
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import (
     chance_of_more,
@@ -26,7 +26,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     findings,
 )
 from nico_selfmodel.estimation.results.verdict import outliers_are_many
-from nico_selfmodel.model.arm.dh_parameters import slopes_by_angle
+from nico_selfmodel.model.arm.dh_parameters import DhParameters, slopes_by_angle
 
 _LARGEST_NOISE = 0.05
 """Residuals above this share of the workspace's size explain nothing."""
@@ -48,6 +48,9 @@ _PATTERNS_SHOWN = 3
 WHAT_CHANGED = (
     "the training poses do not cover where the arm is used, or something moved between recordings"
 )
+
+_ASKED = 500
+"""Points that were set aside of which each joint is asked whether it was off there, at most."""
 
 
 def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
@@ -191,28 +194,57 @@ def _set_aside_words(calibration: KinematicCalibration) -> list[str]:
     return [f"{wrong.sum()} of {len(rows)} training points set aside: {which}"]
 
 
+def _turned(
+    arm: DhParameters, rows: Observations, wrong: NDArray
+) -> tuple[NDArray, tuple[NDArray, NDArray]]:
+    """Turn each joint alone to where some points come nearest to where they were measured.
+
+    Returns:
+        Derivatives by the joints there, shape (N, 3, n), the angles, shape (N, n), and the
+        residuals, shape (N, 3, n).
+    """
+
+    def seen_from(which: NDArray, turns: NDArray) -> tuple[NDArray, NDArray, NDArray | None]:
+        own = wrong[which]
+        approach = None if rows.approach is None else rows.approach[own]
+        return rows.angles[own] + arm.servos.gear * turns, rows.marker[own], approach
+
+    n, p = len(rows.joints), rows.p_WH[wrong]
+    turns = nearest_turns(lambda which, by: arm.points(*seen_from(which, by)), p, n)
+    by_angle, left = np.empty((2, len(wrong), 3, n))
+    for j in range(n):
+        alone = turns * (np.arange(n) == j)
+        there, jacobian = arm.predict(*seen_from(np.arange(len(wrong)), alone))
+        by_angle[:, :, j] = slopes_by_angle(arm, jacobian)[:, :, j]
+        left[:, :, j] = p - there
+    return by_angle, (turns, left)
+
+
 def _misread(calibration: KinematicCalibration) -> list[str]:
     """Name the joint that was read wrongly where points were set aside, if they tell one."""
-    wrong, train = calibration.outliers, calibration.train
-    if train.covariance is None or not wrong.any():
+    train, rows = calibration.train, calibration.train.observations
+    # A joint takes all points of a pose along.
+    sound = np.isin(rows.sample, rows.sample[~calibration.outliers])
+    wrong = np.flatnonzero(calibration.outliers & ~sound)
+    if train.covariance is None or not len(wrong):
         return []
-    arm, rows = calibration.model.parameters, train.observations
-    angles, approach = rows.angles[wrong], rows.approach
-    approach = None if approach is None else approach[wrong]
-    jacobian = arm.predict(angles, rows.marker[wrong], approach)[1]
-    by_angle = slopes_by_angle(arm, jacobian)
-    joints, off = misread_joints(train.residuals[wrong], by_angle, train.covariance[wrong])
+    step = -(-len(wrong) // _ASKED)
+    wrong = wrong[::step]
+    by_angle, turned = _turned(calibration.model.parameters, rows, wrong)
+    known = train.residuals[wrong], by_angle, train.covariance[wrong]
+    joints, off = misread_joints(*known, turned)
     if not joints:
         return []
     told = np.isfinite(off)
     names = [f"{rows.joints[j]!r}" for j in joints]
     poses, of = len(np.unique(rows.sample[wrong][told])), len(np.unique(rows.sample[wrong]))
     size = float(np.degrees(np.median(np.abs(off[told]))))
+    asked = "" if step == 1 else " and that were asked"
     which = (
         "" if len(names) == 1 else ", and the points do not tell which: track more markers there"
     )
     return [
-        f"in {poses} of {of} poses whose points were set aside the encoder of "
+        f"in {poses} of {of} poses whose points were set aside{asked} the encoder of "
         f"{' or '.join(names)} was off, by {size:.2g} deg in the median: look for play, a loose "
         f"coupling or missed counts there{which}"
     ]

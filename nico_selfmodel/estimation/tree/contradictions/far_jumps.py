@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import ObservationTable
+from nico_selfmodel.estimation.diagnosis.misread_joint import TRIED_TURNS
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.model.tree.body_tree import REVOLUTE
@@ -20,12 +21,6 @@ _ASIDE = 0.8
 """Share of what a joint moves in a visit that must be set aside for it to have jumped."""
 _MOST = 0.35
 """Share of all visits in which something is set aside so from which on it is no accident."""
-_GRIDS = (
-    np.radians(np.arange(-180.0, 180.0, 4.0)),
-    np.radians(np.arange(-4.0, 4.1, 0.4)),
-    np.radians(np.arange(-0.4, 0.41, 0.04)),
-)
-"""Angles that are tried, each about the best of those before [rad]."""
 
 
 def with_far_jumps(
@@ -55,7 +50,7 @@ def with_far_jumps(
         return errors
     jump = np.zeros(len(visit))
     cost = jump
-    for grid in _GRIDS:
+    for grid in TRIED_TURNS:
         tried = jump[:, None] + grid
         costs = _costs(residuals, values, scale, visit, joint, tried)
         best = np.argmin(costs, axis=1)
