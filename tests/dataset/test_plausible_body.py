@@ -73,3 +73,33 @@ def test_a_marker_that_was_measured_twice_at_a_pose_is_taken(tmp_path):
 def test_a_ratio_of_nothing_is_refused():
     with pytest.raises(ValueError, match=r"ratios of 'follows' must not be 0"):
         LinkJoint("elbow", follows={"shoulder": 0.0})
+
+
+def again(data, copies):
+    """Return a recording whose first samples stand in it once more, under numbers of their own."""
+    table, more = data.observations, data.observations.pose < copies
+    pose = np.concatenate([table.pose, table.pose[more] + len(data.sample)])
+    columns = {"pose": pose}
+    for key in ("sensor", "marker", "other", "values", "mirror"):
+        column = np.asarray(getattr(table, key))
+        columns[key] = np.concatenate([column, column[more]])
+    rows = np.concatenate([np.arange(len(data.sample)), np.arange(copies)])
+    sample = np.concatenate([data.sample, data.sample.max() + 1 + np.arange(copies)])
+    return replace(
+        data,
+        sample=sample,
+        readings=data.readings[rows],
+        flanges=data.flanges[rows],
+        approach=data.approach[rows],
+        observations=replace(table, **columns),
+    )
+
+
+@pytest.mark.parametrize(("copies", "refused"), [(12, True), (3, False)])
+def test_a_recording_of_which_much_stands_there_again_is_refused(tmp_path, copies, refused):
+    data = again(one_arm(1, poses=12).data, copies)
+    if not refused:
+        assert len(read_back(data, tmp_path).sample) == 12 + copies
+        return
+    with pytest.raises(DataError, match="are copies, to the last digit, of earlier ones"):
+        read_back(data, tmp_path)

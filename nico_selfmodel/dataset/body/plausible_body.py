@@ -5,9 +5,9 @@ import warnings
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
 from nico_selfmodel.dataset.body.sensors import DISTANCE, POINTS, POSES
-from nico_selfmodel.dataset.plausibility import MAX_SPREAD_M, MAX_TURN_RAD
+from nico_selfmodel.dataset.plausibility import MAX_SPREAD_M, MAX_TURN_RAD, refuse_copies
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, REVOLUTE
 
@@ -19,8 +19,8 @@ def check_plausible_body(data: BodyDataset) -> None:
         data: The recording.
 
     Raises:
-        DataError: If places or distances spread over more than 20 m, or a rotation vector turns by
-            more than a whole turn.
+        DataError: If places or distances spread over more than 20 m, a rotation vector turns by
+            more than a whole turn, or many observations are copies.
 
     Warns:
         UserWarning: If a joint read in `rad` turned by more than two whole turns.
@@ -37,6 +37,11 @@ def check_plausible_body(data: BodyDataset) -> None:
             _check_lengths(what, _from_middle(own[:, :3]))
         if sensor.kind == POSES:
             _check_turns(f"orientations of sensor {sensor.name!r}", own[:, 3:6])
+    there = (table.pose != ANY_POSE) & np.isfinite(table.values).any(axis=1)
+    pose = table.pose[there]
+    told = [data.readings[pose], np.asarray(data.flanges)[pose].reshape(len(pose), -1)]
+    seen = [table.values[there], table.sensor[there, None], table.marker[there, None]]
+    refuse_copies(data.sample[pose], np.hstack([*told, *seen]), "observations.csv")
     for i, joint in enumerate(data.joints):
         if joint.motion == FLANGE:
             assert data.flanges is not None
