@@ -17,6 +17,8 @@ _MIN_SPREAD_M = 2e-3
 MAX_TURN_RAD = 4.0 * np.pi
 """A joint that turned further was hardly read in radians [rad]."""
 
+_MOST_OUTSIDE = 0.1
+"""Share of pixels that may lie outside their images."""
 _COPIES, _FEWEST_COPIES = 0.25, 10
 """Share and number of rows that stand there again from which on these are copies: a robot that
 repeats itself without noise comes back to a pose now and then."""
@@ -30,7 +32,8 @@ def check_as_read(dataset: Dataset, place: str) -> None:
         place: The file, for messages.
 
     Raises:
-        DataError: As `check_plausible`, or if many rows are copies.
+        DataError: As `check_plausible`, or if many rows are copies or many pixels lie outside
+            their images.
 
     Warns:
         UserWarning: As `warn_of_units`.
@@ -38,6 +41,8 @@ def check_as_read(dataset: Dataset, place: str) -> None:
     check_plausible(dataset, place)
     measured = np.hstack([dataset.p_WH_measured, dataset.pixels])
     seen = np.isfinite(measured).any(axis=1)
+    for own in np.split(dataset.pixels, 2, axis=1):
+        refuse_outside(own, dataset.image_size, place)
     refuse_copies(dataset.sample[seen], np.hstack([dataset.encoders, measured])[seen], place)
     warn_of_units(dataset, place)
 
@@ -71,6 +76,29 @@ def refuse_copies(sample: NDArray, rows: NDArray, place: str) -> None:
             f"{place}: {again.sum()} of {len(rows)} rows are copies, to the last digit, of earlier "
             f"ones at other samples ({other} of {one}): they would count as evidence; leave them "
             "out"
+        )
+
+
+def refuse_outside(pixels: NDArray, size: tuple[int, int] | None, what: str) -> None:
+    """Refuse pixels of which many lie outside their images.
+
+    Args:
+        pixels: u and v, nan where nothing was seen. Shape (N, 2).
+        size: Width and height of the images; nothing is refused where that is not known.
+        what: Whose they are, for the message.
+
+    Raises:
+        DataError: If more than a tenth do.
+    """
+    there = pixels[np.isfinite(pixels).all(axis=1)]
+    if size is None or not len(there):
+        return
+    beyond = (there < -0.5) | (there > np.array(size) - 0.5)
+    if beyond.any(axis=1).mean() > _MOST_OUTSIDE:
+        u, v = there.max(axis=0)
+        raise DataError(
+            f"{what}: pixels up to {u:.4g}, {v:.4g} in images of {size[0]} x {size[1]}: is "
+            "image_size that of these images, and are they pixels?"
         )
 
 

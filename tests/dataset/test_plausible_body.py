@@ -7,7 +7,7 @@ import pytest
 
 from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body_dataset
 from nico_selfmodel.dataset.body.link_joint import LinkJoint
-from nico_selfmodel.dataset.body.sensors import DISTANCE
+from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE
 from nico_selfmodel.errors import DataError
 
 from ..estimation.simulated_trees import one_arm, two_arms
@@ -103,3 +103,18 @@ def test_a_recording_of_which_much_stands_there_again_is_refused(tmp_path, copie
         return
     with pytest.raises(DataError, match="are copies, to the last digit, of earlier ones"):
         read_back(data, tmp_path)
+
+
+def test_pixels_outside_their_images_are_refused(tmp_path):
+    data = two_arms(1, poses=6, distances=KNOWN).data
+    assert all(s.image_size == (640, 480) for s in data.sensors if s.kind == CAMERA)
+    small = [replace(s, image_size=(320, 240)) if s.kind == CAMERA else s for s in data.sensors]
+    with pytest.raises(DataError, match=r"pixels up to .* in images of 320 x 240"):
+        read_back(replace(data, sensors=tuple(small)), tmp_path)
+
+
+def test_places_of_markers_in_millimetres_are_refused(tmp_path):
+    data = one_arm(1, poses=6, markers=2).data
+    far = replace(data.markers[0], xyz=(100.0, 0.0, 0.0)), replace(data.markers[1], xyz=(0, 0, 0))
+    with pytest.raises(DataError, match=r"'xyz' of markers: up to .* m: were millimetres given"):
+        read_back(replace(data, markers=(*far, *data.markers[2:])), tmp_path)
