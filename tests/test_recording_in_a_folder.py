@@ -43,7 +43,9 @@ class Body:
         if not self.images:
             return Measurement(np.asarray(command), {"hand": pixels[:3] * 1e-3 if seen else None})
         pictures = tuple(np.full((4, 6, 3), 10 * len(self.visits), np.uint8) for _ in range(2))
-        return CameraMeasurement(np.asarray(command), {"hand": None}, {"hand": pixels}, pictures)
+        return CameraMeasurement(
+            np.asarray(command), {"hand": None}, {"hand": np.abs(pixels)}, pictures
+        )
 
 
 def test_what_is_on_disk_is_what_is_returned(tmp_path):
@@ -158,14 +160,14 @@ def test_a_body_that_is_interrupted_leaves_every_pose(tmp_path):
 
 
 def test_pictures_are_kept_beside_the_samples(tmp_path):
-    data = record(Body(images=True), PLAN, "trial", folder=tmp_path / "out", image_size=(6, 4))
+    data = record(Body(images=True), PLAN, "trial", folder=tmp_path / "out", image_size=(600, 400))
     names = sorted(path.name for path in (tmp_path / "out" / "images").iterdir())
     assert len(names) == 2 * len(PLAN)
     assert names[0] == "left0001.png"
     assert (read_image(tmp_path / "out" / "images" / "right0003.png") == 30).all()
     loaded = load_dataset(tmp_path / "out")
     assert loaded.cameras == {"images": "images/<camera><pose>.png"}
-    assert loaded.image_size == (6, 4)
+    assert loaded.image_size == (600, 400)
     assert np.array_equal(loaded.pixels, data.pixels)
 
 

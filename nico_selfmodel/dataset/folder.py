@@ -6,7 +6,7 @@ from pathlib import Path
 
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.metadata_file import metadata_text, read_metadata
-from nico_selfmodel.dataset.plausibility import check_plausible, warn_of_units
+from nico_selfmodel.dataset.plausibility import check_as_read, check_plausible
 from nico_selfmodel.dataset.samples_file import read_samples, samples_pieces, samples_text
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.folder_contents import found_at
@@ -28,7 +28,7 @@ def load_dataset(folder: str | PathLike[str]) -> Dataset:
 
     Raises:
         DataError: If anything is missing or not valid, or the data cannot be what they say (see
-            `plausibility.check_plausible`); names file, line and column.
+            `plausibility.check_as_read`); names file, line and column.
 
     Warns:
         UserWarning: If a column that nobody reads looks like a misspelt one, or a joint read in
@@ -51,8 +51,7 @@ def load_dataset(folder: str | PathLike[str]) -> Dataset:
         dataset = Dataset(**metadata, **columns)
     except (ValueError, DataError) as error:
         raise DataError(f"{folder}: {error}") from None
-    check_plausible(dataset, str(table_path))
-    warn_of_units(dataset, str(table_path))
+    check_as_read(dataset, str(table_path))
     return dataset
 
 

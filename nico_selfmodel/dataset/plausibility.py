@@ -3,6 +3,7 @@
 import warnings
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.columns import PIXEL_COLUMNS, POINT_COLUMNS
 from nico_selfmodel.dataset.dataset import Dataset
@@ -15,6 +16,90 @@ MAX_SPREAD_M = 20.0
 _MIN_SPREAD_M = 2e-3
 MAX_TURN_RAD = 4.0 * np.pi
 """A joint that turned further was hardly read in radians [rad]."""
+
+_MOST_OUTSIDE = 0.1
+"""Share of pixels that may lie outside their images."""
+_COPIES, _FEWEST_COPIES = 0.25, 10
+"""Share and number of rows that stand there again from which on these are copies: a robot that
+repeats itself without noise comes back to a pose now and then."""
+
+
+def check_as_read(dataset: Dataset, place: str) -> None:
+    """Refuse data that were read but cannot be what they say; warn of what they hardly are.
+
+    Args:
+        dataset: The data.
+        place: The file, for messages.
+
+    Raises:
+        DataError: As `check_plausible`, or if many rows are copies or many pixels lie outside
+            their images.
+
+    Warns:
+        UserWarning: As `warn_of_units`.
+    """
+    check_plausible(dataset, place)
+    measured = np.hstack([dataset.p_WH_measured, dataset.pixels])
+    seen = np.isfinite(measured).any(axis=1)
+    for own in np.split(dataset.pixels, 2, axis=1):
+        refuse_outside(own, dataset.image_size, place)
+    refuse_copies(dataset.sample[seen], np.hstack([dataset.encoders, measured])[seen], place)
+    warn_of_units(dataset, place)
+
+
+def refuse_copies(sample: NDArray, rows: NDArray, place: str) -> None:
+    """Refuse data of which many rows stand there again, to the last digit, at other samples.
+
+    Copies would count as evidence, and be held out of what has their twins. Rows of samples that
+    follow each other are none: the robot stands still.
+
+    Args:
+        sample: Number of each row's sample. Shape (N,).
+        rows: All numbers of each, nan where there is none. Shape (N, k).
+        place: The file, for the message.
+
+    Raises:
+        DataError: If a quarter of them and more do, ten at least.
+    """
+    # Sums by weights without a common measure are equal only where all numbers are.
+    weights = np.sqrt(2.0 + np.arange(rows.shape[1]))
+    keys = np.einsum("ij,j->i", np.where(np.isnan(rows), 0.0, rows), weights)
+    fewest = max(_COPIES * len(rows), _FEWEST_COPIES)
+    if (np.diff(np.sort(keys)) == 0.0).sum() < fewest:
+        return
+    rank = np.unique(sample, return_inverse=True)[1].reshape(len(rows))
+    order = np.lexsort((rank, keys))
+    again = (np.diff(keys[order]) == 0.0) & (np.diff(rank[order]) > 1)
+    if again.sum() >= fewest:
+        one, other = sample[order[int(np.argmax(again)) :][:2]]
+        raise DataError(
+            f"{place}: {again.sum()} of {len(rows)} rows are copies, to the last digit, of earlier "
+            f"ones at other samples ({other} of {one}): they would count as evidence; leave them "
+            "out"
+        )
+
+
+def refuse_outside(pixels: NDArray, size: tuple[int, int] | None, what: str) -> None:
+    """Refuse pixels of which many lie outside their images.
+
+    Args:
+        pixels: u and v, nan where nothing was seen. Shape (N, 2).
+        size: Width and height of the images; nothing is refused where that is not known.
+        what: Whose they are, for the message.
+
+    Raises:
+        DataError: If more than a tenth do.
+    """
+    there = pixels[np.isfinite(pixels).all(axis=1)]
+    if size is None or not len(there):
+        return
+    beyond = (there < -0.5) | (there > np.array(size) - 0.5)
+    if beyond.any(axis=1).mean() > _MOST_OUTSIDE:
+        u, v = there.max(axis=0)
+        raise DataError(
+            f"{what}: pixels up to {u:.4g}, {v:.4g} in images of {size[0]} x {size[1]}: is "
+            "image_size that of these images, and are they pixels?"
+        )
 
 
 def check_plausible(dataset: Dataset, place: str) -> None:
@@ -67,7 +152,7 @@ def warn_of_units(dataset: Dataset, place: str) -> None:
         warnings.warn(
             f"{place}: all points lie within {1e3 * spread:.2g} mm: were metres given as "
             f"millimetres? {', '.join(POINT_COLUMNS)} are metres",
-            stacklevel=3,
+            stacklevel=4,
         )
 
 
@@ -80,7 +165,7 @@ def _warn_of_degrees(dataset: Dataset, place: str) -> None:
             warnings.warn(
                 f"{place}: encoder.{info.name} spans {span:.4g} rad, {span / (2 * np.pi):.3g} "
                 "turns: if these are degrees, set encoder_unit: deg",
-                stacklevel=4,
+                stacklevel=5,
             )
 
 

@@ -224,6 +224,24 @@ def test_millimetres_given_as_metres_are_questioned(folder):
         load_dataset(folder(text))
 
 
+@pytest.mark.parametrize(("rows", "copies", "refused"), [(30, 10, True), (40, 13, False)])
+def test_rows_that_stand_there_again_are_refused_where_they_are_many(folder, rows, copies, refused):
+    head, line = SAMPLES.splitlines()[:2]
+    cells = line.split(",")
+    at = head.split(",").index("encoder.elbow")
+
+    def row(k, reading):
+        return ",".join([str(k), *cells[1:at], f"{reading}.5", *cells[at + 1 :]])
+
+    readings = [*range(rows), *range(copies)]
+    path = folder("\n".join([head, *(row(k, q) for k, q in enumerate(readings))]) + "\n")
+    if not refused:
+        assert len(load_dataset(path)) == rows + copies
+        return
+    with pytest.raises(DataError, match="10 of 40 rows are copies, to the last digit, of earlier"):
+        load_dataset(path)
+
+
 def test_a_misspelt_optional_column_is_kept_with_a_warning(folder):
     path = folder(SAMPLES.replace("sweep,", "sweeps,"))
     with pytest.warns(UserWarning, match="'sweeps' is kept but not used, did you mean 'sweep'"):

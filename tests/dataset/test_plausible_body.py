@@ -7,7 +7,7 @@ import pytest
 
 from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body_dataset
 from nico_selfmodel.dataset.body.link_joint import LinkJoint
-from nico_selfmodel.dataset.body.sensors import DISTANCE
+from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE
 from nico_selfmodel.errors import DataError
 
 from ..estimation.simulated_trees import one_arm, two_arms
@@ -73,3 +73,48 @@ def test_a_marker_that_was_measured_twice_at_a_pose_is_taken(tmp_path):
 def test_a_ratio_of_nothing_is_refused():
     with pytest.raises(ValueError, match=r"ratios of 'follows' must not be 0"):
         LinkJoint("elbow", follows={"shoulder": 0.0})
+
+
+def again(data, copies):
+    """Return a recording whose first samples stand in it once more, under numbers of their own."""
+    table, more = data.observations, data.observations.pose < copies
+    pose = np.concatenate([table.pose, table.pose[more] + len(data.sample)])
+    columns = {"pose": pose}
+    for key in ("sensor", "marker", "other", "values", "mirror"):
+        column = np.asarray(getattr(table, key))
+        columns[key] = np.concatenate([column, column[more]])
+    rows = np.concatenate([np.arange(len(data.sample)), np.arange(copies)])
+    sample = np.concatenate([data.sample, data.sample.max() + 1 + np.arange(copies)])
+    return replace(
+        data,
+        sample=sample,
+        readings=data.readings[rows],
+        flanges=data.flanges[rows],
+        approach=data.approach[rows],
+        observations=replace(table, **columns),
+    )
+
+
+@pytest.mark.parametrize(("copies", "refused"), [(12, True), (3, False)])
+def test_a_recording_of_which_much_stands_there_again_is_refused(tmp_path, copies, refused):
+    data = again(one_arm(1, poses=12).data, copies)
+    if not refused:
+        assert len(read_back(data, tmp_path).sample) == 12 + copies
+        return
+    with pytest.raises(DataError, match="are copies, to the last digit, of earlier ones"):
+        read_back(data, tmp_path)
+
+
+def test_pixels_outside_their_images_are_refused(tmp_path):
+    data = two_arms(1, poses=6, distances=KNOWN).data
+    assert all(s.image_size == (640, 480) for s in data.sensors if s.kind == CAMERA)
+    small = [replace(s, image_size=(320, 240)) if s.kind == CAMERA else s for s in data.sensors]
+    with pytest.raises(DataError, match=r"pixels up to .* in images of 320 x 240"):
+        read_back(replace(data, sensors=tuple(small)), tmp_path)
+
+
+def test_places_of_markers_in_millimetres_are_refused(tmp_path):
+    data = one_arm(1, poses=6, markers=2).data
+    far = replace(data.markers[0], xyz=(100.0, 0.0, 0.0)), replace(data.markers[1], xyz=(0, 0, 0))
+    with pytest.raises(DataError, match=r"'xyz' of markers: up to .* m: were millimetres given"):
+        read_back(replace(data, markers=(*far, *data.markers[2:])), tmp_path)

@@ -1,6 +1,7 @@
 """What bends in any body: sag by Drake's masses, loads of another arm, cameras, backlash."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,9 +9,11 @@ import pytest
 from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body_dataset
 from nico_selfmodel.dataset.body.conversion import body_dataset_of
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.bending.ladder import climb
 from nico_selfmodel.estimation.body.body import calibrate_body
 from nico_selfmodel.estimation.body.body_options import BodyOptions
 from nico_selfmodel.estimation.judging import judge, to_json
+from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend
 from nico_selfmodel.estimation.tree.body_prediction import predict_body
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
@@ -111,6 +114,21 @@ def test_a_rigid_body_stays_rigid(how):
     assert found.ladder.kept == ()
     assert found.tree.bending is None
     assert len(found.ladder.steps) >= 4
+
+
+def test_what_bends_is_not_asked_of_poses_that_all_are_outliers():
+    found = calibrate_tree(one_arm(1, poses=20).data, effects=None)
+    residuals = TreeResiduals(found.train.observations, found.parameters)
+    problem = TreeProblem(residuals, found.setup.free, found.setup.priors)
+    solution = problem.refine(found.values)
+    slipped = replace(solution, slipped=np.ones_like(solution.slipped))
+    asked = [
+        len(list(BendingTree(TreeBend(problem, one), frozenset(), None, 0, None).few()))
+        for one in (solution, slipped)
+    ]
+    assert asked == [1, 1]
+    nothing = SimpleNamespace(enough=True, few=list, solution="rigid")
+    assert climb(nothing).solution == "rigid"
 
 
 @pytest.mark.slow

@@ -1,9 +1,12 @@
 """Which joint was read wrongly in which poses: one pose by itself, and all of them together."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.noise import joint_slips
 from nico_selfmodel.estimation.noise.joint_slips import FEWEST_SLIPS, slipped_joints
 from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
@@ -41,6 +44,32 @@ def test_one_large_slip_is_found_in_its_pose():
     assert part is None
     assert found[slips, 2].all()
     assert found[~slips].sum() <= 1
+
+
+def test_noise_that_is_far_too_large_finds_nothing_and_warns_of_nothing():
+    rng = np.random.default_rng(0)
+    visits, rows = 30, 40
+    groups = PoseGroups(np.repeat(np.arange(visits), rows), np.ones(visits * rows, bool), 1)
+    A, J = (rng.normal(size=(visits * rows, k)) for k in (JOINTS, FREE))
+    noise = PoseNoise(1.0, np.full(JOINTS, 1e7))
+    whitening = PoseWhitening(groups, A[:, None], noise)
+    found = slipped_joints(whitening, rng.normal(size=visits * rows), J, np.zeros(FREE))
+    assert not found.slipped.any()
+
+
+def test_where_fewer_joints_slip_at_one_noise_they_may_be_the_likeliest():
+    def scores(*likelihoods):
+        none = np.zeros((20, 3), dtype=bool)
+        tries = []
+        for count, likelihood in enumerate(likelihoods, start=1):
+            slipped = none.copy()
+            slipped[:, :count] = True
+            tries.append(joint_slips._Often(likelihood, slipped, None))
+        return SimpleNamespace(often_slipped=lambda: tries, likelihood=0.0)
+
+    found, _ = joint_slips._likeliest([scores(10.0, 50.0, 60.0), scores(100.0), scores(5.0)])
+    assert found.likelihood == 100.0
+    assert found.slipped.any(axis=0).sum() == 1
 
 
 def test_many_small_slips_are_found_together():

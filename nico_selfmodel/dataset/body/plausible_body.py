@@ -5,9 +5,14 @@ import warnings
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.sensors import DISTANCE, POINTS, POSES
-from nico_selfmodel.dataset.plausibility import MAX_SPREAD_M, MAX_TURN_RAD
+from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
+from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES
+from nico_selfmodel.dataset.plausibility import (
+    MAX_SPREAD_M,
+    MAX_TURN_RAD,
+    refuse_copies,
+    refuse_outside,
+)
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, REVOLUTE
 
@@ -19,8 +24,9 @@ def check_plausible_body(data: BodyDataset) -> None:
         data: The recording.
 
     Raises:
-        DataError: If places or distances spread over more than 20 m, or a rotation vector turns by
-            more than a whole turn.
+        DataError: If places or distances spread over more than 20 m, a rotation vector turns by
+            more than a whole turn, many observations are copies, or many pixels lie outside their
+            images.
 
     Warns:
         UserWarning: If a joint read in `rad` turned by more than two whole turns.
@@ -35,8 +41,21 @@ def check_plausible_body(data: BodyDataset) -> None:
             _check_lengths(what, own[:, 0])
         if sensor.kind in (POINTS, POSES):
             _check_lengths(what, _from_middle(own[:, :3]))
+        if sensor.kind == CAMERA:
+            refuse_outside(own[:, :2], sensor.image_size, what)
         if sensor.kind == POSES:
             _check_turns(f"orientations of sensor {sensor.name!r}", own[:, 3:6])
+    xyz = np.array([marker.xyz for marker in data.markers if marker.xyz is not None])
+    if len(xyz):
+        _check_lengths("'xyz' of markers", _from_middle(xyz))
+    there = (table.pose != ANY_POSE) & np.isfinite(table.values).any(axis=1)
+    pose = table.pose[there]
+    told = [
+        data.readings[pose],
+        np.asarray(data.flanges)[pose].reshape(len(pose), 6 * len(data.joints)),
+    ]
+    seen = [table.values[there], table.sensor[there, None], table.marker[there, None]]
+    refuse_copies(data.sample[pose], np.hstack([*told, *seen]), "observations.csv")
     for i, joint in enumerate(data.joints):
         if joint.motion == FLANGE:
             assert data.flanges is not None

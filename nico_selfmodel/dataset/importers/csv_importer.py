@@ -12,7 +12,7 @@ from nico_selfmodel.dataset.columns import APPROACH, DEFAULT_MARKER, PIXEL_COLUM
 from nico_selfmodel.dataset.csv_table import CsvTable
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
-from nico_selfmodel.dataset.plausibility import check_plausible, warn_of_units
+from nico_selfmodel.dataset.plausibility import check_as_read
 from nico_selfmodel.dataset.row_checks import check_rows
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.yaml_mapping import (
@@ -98,8 +98,7 @@ def import_csv(
         dataset = Dataset(joints=joints, **metadata, **columns)
     except (ValueError, DataError) as error:
         raise DataError(f"{path}: {error}") from None
-    check_plausible(dataset, str(path))
-    warn_of_units(dataset, str(path))
+    check_as_read(dataset, str(path))
     return dataset
 
 

@@ -13,7 +13,7 @@ from nico_selfmodel.dataset.csv_table import CsvTable
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.importers.vicon_trajectories import Trajectories, read_trajectories
 from nico_selfmodel.dataset.joint_info import JointInfo
-from nico_selfmodel.dataset.plausibility import check_plausible, warn_of_units
+from nico_selfmodel.dataset.plausibility import check_as_read
 from nico_selfmodel.dataset.row_checks import check_rows
 from nico_selfmodel.errors import DataError
 
@@ -76,8 +76,7 @@ def import_vicon(
         dataset = Dataset(name=name or path.stem, joints=tuple(joints), source=source, **columns)
     except (ValueError, DataError) as error:
         raise DataError(f"{path}: {error}") from None
-    check_plausible(dataset, str(path))
-    warn_of_units(dataset, str(path))
+    check_as_read(dataset, str(path))
     return dataset
 
 

@@ -88,6 +88,8 @@ def climb(body: Bendable, effects: Sequence[str] | None = STEPS) -> Ladder:
         if effects or climber.kept:
             climber.accompany(effects or STEPS, steps)
         climbed.append((climber, steps))
+    if not climbed:  # hardly a pose is no outlier
+        return Ladder((), body.solution, wanted=wanted)
     climber, steps = min(climbed, key=lambda one: body.log_errors(one[0].parameters).mean())
     solved = climber.solution() if effects and climber.bends else body.solution
     # What goes beside may go again when all is solved: see `Climber.solution`.

@@ -172,7 +172,7 @@ def _likeliest(scores: Sequence["_Scores"]) -> tuple[_Often, float]:
         best = int(np.argmax(of))
         if of[best] < found.likelihood + OFTEN_AT:
             break
-        found = tries[best][count]
+        found = tries[best][min(count, len(tries[best]) - 1)]
     count = int(found.slipped.any(axis=0).sum())
     curve = [one[min(count, len(one)) - 1].likelihood for one in tries]
     part = _peak(np.log(_PARTS), np.array(curve))
@@ -232,7 +232,8 @@ class _Scores:
         rows = (r - Jg @ (C @ (SiJ.T @ r)))[:, None]
         SiA = whitening.inverse(A)
         e = groups.products(SiA, rows)[:, :, 0]
-        c = np.einsum("gmm->gm", groups.products(SiA, A))
+        # Beside noise that is far too large rounding leaves less than nothing.
+        c = np.maximum(np.einsum("gmm->gm", groups.products(SiA, A)), 0.0)
         along = groups.products(SiA, Jg)
         taken = np.sum((along @ C) * along, axis=2)
         told = np.maximum(c, _TOLD)

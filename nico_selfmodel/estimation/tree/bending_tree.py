@@ -260,6 +260,9 @@ class BendingTree:
         asked: set[bytes] = set()
         for without in aside:
             outliers = without[kept_rows]
+            left = np.unique(few.data.observations.pose[~outliers])
+            if len(left) < FEWEST_POSES:
+                continue
             if outliers.tobytes() not in asked:  # else what differs is not among these poses
                 asked.add(outliers.tobytes())
                 yield replace(self, observations=few, outliers=outliers, aside=without)

@@ -109,13 +109,9 @@ class Bending:
         kept = {name: value for name, value in zero.items() if name not in effects}
         return replace(self, effects=tuple(e for e in PARTS if e in effects), **kept)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of what was learned, effect by effect."""
-        return self._names
-
-    @cached_property
-    def _names(self) -> tuple[str, ...]:
         return tuple(name for effect in self.effects for name in self.names_of(effect))
 
     def names_of(self, effect: str) -> tuple[str, ...]:
