@@ -34,6 +34,8 @@ SHAPE_MIRRORS: Mapping[str, Mirror] = MappingProxyType(
 """Where mirrors are meant to stand."""
 HAND_POSES = 4
 """In which the hand tells where each of them stands."""
+_SPARE = 5.0
+"""Poses planned for each of these: before some mirrors the hand is hardly seen."""
 FEWEST_MIRRORS = 6
 """That a shape takes."""
 _VAGUE = 4.0
@@ -90,7 +92,7 @@ def tell_mirrors(
         familiar=familiar, choices=_CHOICES,
     )  # fmt: skip
     told = telling(stage, "looking at its hand in mirrors for its shape")
-    data = _shown_enough(before.record("shape", _DAY, HAND_POSES, progress=told))
+    data = _shown_enough(before.record("shape", _DAY, HAND_POSES, spare=_SPARE, progress=told))
     found = calibrate_mirrors(data, model)
     open_ones = _left_open(found)
     if open_ones:
