@@ -78,8 +78,11 @@ def _parts(
         ends = np.array([[columns.min(), columns.max()], [rows.min(), rows.max()]])
         middles.append(ends.mean(axis=1))
         sizes.append(np.ptp(ends, axis=1) + 1.0 + 2.0 * _EDGE * np.ptp(ends) * one.any())
-    u, v = 0.5 * np.max(sizes, axis=0)
-    return {
-        side: ((float(x - u), float(x + u)), (float(y + v), float(y - v)))
-        for side, (x, y) in zip(judged, middles, strict=True)
-    }
+    half = 0.5 * np.max(sizes, axis=0)
+    found = {}
+    for (side, one), middle in zip(judged.items(), middles, strict=True):
+        size = np.array(one.shape[::-1])
+        within = np.clip(middle, half - 0.5, np.maximum(half, size - half) - 0.5)
+        (left, top), (right, bottom) = (within - half).tolist(), (within + half).tolist()
+        found[side] = ((left, right), (bottom, top))
+    return found
