@@ -1,8 +1,9 @@
 """What is not known of each link, as looks at the unmarked body tell."""
 
 import numpy as np
+import pytest
 
-from nico_selfmodel.sessions.mirrors.expecting import POINT_SIGMA
+from nico_selfmodel.sessions.mirrors.expecting import POINT_SIGMA, Unknown
 from nico_selfmodel.sessions.mirrors.mirror_looks import (
     COLOR_SIGMA,
     COLORS,
@@ -42,3 +43,9 @@ def test_no_more_is_asked_where_places_tell_all():
 
     assert not least_unknown(all_calm).colors
     assert asked == [COLORS[0]]
+
+
+def test_a_whole_link_is_known_better_than_its_edges():
+    unknown = Unknown({"chest": 8e-4, "head": 1e-3}, 3e-3, {"chest": 4e-4})
+    found = [unknown.place_sigma(link) for link in ("chest", "head", "base")]
+    assert found == pytest.approx([5e-5, 1.25e-4, 3.75e-4])

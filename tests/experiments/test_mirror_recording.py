@@ -85,6 +85,8 @@ def test_planned_poses_show_the_marker_in_the_glass_and_keep_off_it(nico, before
     plan, where = before.plan(station, 5, 0, np.random.default_rng(0), best=True)
     assert where == ["glass"] * len(plan)
     assert len(plan) >= 5
+    rng = np.random.default_rng(0)
+    assert len(before.plan(station, 5, 0, rng, best=True, spare=4.0)[0]) > len(plan)
     guess = workspace.first_guess(station.joints)
     q = guess.servos.to_joint(np.array([command for _, command in plan]))
     assert free_space(guess.chain, rig, q).min() >= 0.05 - 1e-9

@@ -131,3 +131,25 @@ def test_parts_that_one_ellipse_holds_are_fitted_as_one():
     ((blob, _),) = [one for one in seen_places(own) if one[1]]
     parts = Blob(blob.u, blob.v, blob.area, 99.0, ((39.0, 28.0), (41.0, 32.0)))
     assert middle_of(parts, picture, [own]) == middle_of(blob, picture, [own])
+
+
+def test_paint_that_looks_otherwise_beyond_an_edge_is_a_part_of_the_spot():
+    off = []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        under = np.tile([100.0, 60.0, 150.0], (*SHAPE, 1))
+        under[:, 39:] = PAINT - 20.0
+        picture = marked(under, (40.0, 30.0), rng).astype(float)
+        shaded = marked(under, (99.0, 99.0), rng).astype(float)
+        v, u = np.mgrid[: SHAPE[0], : SHAPE[1]]
+        shaded[np.hypot(u - 40.0, v - 30.0) < RADIUS] -= 7.0
+        picture[:, 39:] = shaded[:, 39:]
+        picture = picture.astype(np.uint8)
+        own = surprise(
+            picture, Expectation(under.astype(np.uint8), np.full(SHAPE, 0.25), NOISE, 0.01)
+        )
+        ((blob, _),) = [one for one in seen_places(own) if one[1]]
+        middle = middle_of(blob, picture, [own])
+        assert middle.sigma > 1.0
+        off.append(np.hypot(middle.u - 40.0, middle.v - 30.0) / middle.sigma)
+    assert 0.1 < np.sqrt(np.mean(np.square(off))) < 1.5

@@ -9,6 +9,7 @@ from nico_selfmodel.optimization.chi_square import chi_square_tail
 from nico_selfmodel.vision.surprise.blobs import FALSE_ALARM, surprising_places, threshold_of
 from nico_selfmodel.vision.surprise.surprise import (
     Expectation,
+    about_the_loose,
     as_before,
     away_from_the_unknown,
     log_likelihood,
@@ -174,3 +175,15 @@ def test_what_was_found_cannot_be_changed():
     found = surprise(checks().astype(np.uint8), expected())
     with pytest.raises(ValueError, match="read-only"):
         found.chi_square[0, 0] = 0.0
+
+
+def test_what_is_loose_may_be_seen_about_it_the_farther_the_less_it_is_known():
+    sigma = np.full((40, 60), np.nan)
+    sigma[20, 10], sigma[20, 40] = 4.0, 1.0
+    found = about_the_loose(sigma)
+    rows, columns = np.nonzero(found)
+    near = columns < 25
+    assert (columns[near].min(), columns[near].max()) == (0, 21)  # 2.5 sigma and a pixel
+    assert (rows[near].min(), rows[near].max()) == (9, 31)
+    assert (columns[~near].min(), columns[~near].max()) == (36, 44)
+    assert not about_the_loose(np.full((40, 60), np.nan)).any()

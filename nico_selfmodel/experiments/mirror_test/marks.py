@@ -21,6 +21,7 @@ from nico_selfmodel.sessions.mirrors.mark_finder import Finding, MarkFinder
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
 from nico_selfmodel.sessions.progress import Stage, of_robot
+from nico_selfmodel.systems.closing import free_memory
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.stations.nico_station import NicoStation
@@ -162,4 +163,5 @@ def _trials(known: Knowing, kinds: Sequence[str], stage: Stage) -> Iterator[tupl
             marks += kind == MARK
             rng = np.random.default_rng((robot.seed, 47, k))
             yield session.trial(kind, remove, rng)
+            free_memory()  # else each trial leaves some 12 MB in pieces
             stage("looking for marks", k + 1, len(kinds))

@@ -133,7 +133,7 @@ def learn_shape(
     Raises:
         EstimationError: If the room is not plain, or no surface is found.
     """
-    views = _outlined(looks, model)
+    views = outlined(looks, model)
     depths = _depths(looks, views)
     own = np.isin(skeleton.links, list(wanted))
     grid = VoxelGrid.about(skeleton.lines[own].reshape(-1, 3), REACH, _PITCH)
@@ -154,13 +154,18 @@ def learn_shape(
     return LearnedShape(BodyShape(links, {link: poses[link] for link in links}), found)
 
 
-def _outlined(looks: ShapeLooks, model: SelfModel) -> ShapeViews:
-    """Return all pictures with outlines."""
+def outlined(looks: ShapeLooks, model: SelfModel) -> ShapeViews:
+    """Return all pictures with outlines; what the arm may cover is of no body and no room.
+
+    A hand before the chest has other colours in one picture than the chest in all others: that
+    these disagree would count as an error of the chest.
+    """
     room = plain_color(looks.room)
     views = [
-        ShapeView(k, side, picture, beyond_body(picture, room, looks.noise[side]))
+        ShapeView(k, side, picture, np.where(arm, np.nan, beyond))
         for k, shot in enumerate(looks.shots)
-        for side, picture in enumerate(shot.pictures)
+        for side, (picture, arm) in enumerate(zip(shot.pictures, looks.covered[k], strict=True))
+        for beyond in [beyond_body(picture, room, looks.noise[side])]
     ]
     cameras, covariance = mirrors_and_cameras(model, tuple(looks.mirrors))
     mirrors = tuple(looks.mirrors.values())

@@ -180,6 +180,22 @@ class MirrorLooks:
         )
         return left, right
 
+    def covered_at(self, readings: NDArray) -> tuple[NDArray, NDArray]:
+        """Return which pixels of left and right picture the moving arm may cover.
+
+        Args:
+            readings: Of the encoders [encoder units]. Shape (n,).
+
+        Returns:
+            Truth values. Shape (h, w) each.
+        """
+        expecting = self._expecting()
+        left, right = (
+            expecting.covered(side, self._image.expect(readings, self._mirror, side))
+            for side in range(len(SIDES))
+        )
+        return left, right
+
     def clearance(self, readings: NDArray) -> float:
         """Return how far the nearest link of the arm would be from the glass, negative beyond [m].
 

@@ -103,7 +103,13 @@ class NicoBeforeMirrors:
         )
 
     def plan(
-        self, station: NicoStation, poses: int, direct: int, rng: np.random.Generator, best: bool
+        self,
+        station: NicoStation,
+        poses: int,
+        direct: int,
+        rng: np.random.Generator,
+        best: bool,
+        spare: float = SPARE,
     ) -> tuple[Plan, list[str]]:
         """Plan direct views, then every mirror, with some poses to spare.
 
@@ -113,6 +119,7 @@ class NicoBeforeMirrors:
             direct: Wanted without one.
             rng: Source of random poses.
             best: Choose the poses that tell most of a mirror; otherwise any.
+            spare: Poses planned for each that is wanted.
 
         Returns:
             The plan, and the mirror of each pose, empty for none.
@@ -127,7 +134,7 @@ class NicoBeforeMirrors:
         limits = tuple(np.array([[j.lower, j.upper] for j in station.joints], dtype=float).T)
         for name, view in self.views.items():
             commands = commands_of_angles(station.joints, arm.lower, arm.upper, view.q)
-            count = min(int(np.ceil(SPARE * poses)), len(commands))
+            count = min(int(np.ceil(spare * poses)), len(commands))
             if best:
                 try:
                     chosen = plan_mirror_poses(
@@ -153,6 +160,7 @@ class NicoBeforeMirrors:
         direct: int = 0,
         *,
         best: bool = True,
+        spare: float = SPARE,
         folder: Path | None = None,
         keep_images: bool = False,
         progress: Callable[[int, int], None] | None = None,
@@ -165,6 +173,8 @@ class NicoBeforeMirrors:
             poses: In each mirror, in which both cameras see the reflection of every marker.
             direct: Poses without a mirror, in which both cameras see every marker.
             best: Choose the poses that tell most of a mirror; otherwise any.
+            spare: Poses planned for each that is wanted before a mirror, visited until that many
+                show the hand to both cameras.
             folder: Where to keep samples from the first one on; resumed if it is there.
             keep_images: Keep the pictures in the folder.
             progress: Called after each pose.
@@ -178,7 +188,7 @@ class NicoBeforeMirrors:
         with self.station(session) as station:
             body = StationBody(station, station.joints, self.nico.markers, keep_images=keep_images)
             rng = np.random.default_rng((self.nico.seed, session, 22))
-            plan, where = self.plan(station, poses, direct, rng, best)
+            plan, where = self.plan(station, poses, direct, rng, best, spare)
             kept = RecordedSamples(
                 station.joints, self.nico.markers, self._about(station, name, session), folder
             )

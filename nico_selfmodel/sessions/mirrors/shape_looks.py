@@ -34,6 +34,8 @@ SHAPE_MIRRORS: Mapping[str, Mirror] = MappingProxyType(
 """Where mirrors are meant to stand."""
 HAND_POSES = 4
 """In which the hand tells where each of them stands."""
+_SPARE = 5.0
+"""Poses planned for each of these: before some mirrors the hand is hardly seen."""
 FEWEST_MIRRORS = 6
 """That a shape takes."""
 _VAGUE = 4.0
@@ -53,6 +55,8 @@ class ShapeLooks:
     """With covariances."""
     shots: tuple[Shot, ...]
     """One before each mirror, in the same order."""
+    covered: tuple[tuple[NDArray, NDArray], ...]
+    """Which pixels of each picture the moving arm may cover. Shape (h, w) each."""
     room: NDArray
     """What the left camera sees without a mirror, BGR. Shape (h, w, 3)."""
     noise: tuple[float, float]
@@ -88,7 +92,7 @@ def tell_mirrors(
         familiar=familiar, choices=_CHOICES,
     )  # fmt: skip
     told = telling(stage, "looking at its hand in mirrors for its shape")
-    data = _shown_enough(before.record("shape", _DAY, HAND_POSES, progress=told))
+    data = _shown_enough(before.record("shape", _DAY, HAND_POSES, spare=_SPARE, progress=told))
     found = calibrate_mirrors(data, model)
     open_ones = _left_open(found)
     if open_ones:
@@ -163,7 +167,7 @@ def look_at_shape(
 ) -> ShapeLooks:
     """Take a picture with both cameras before each mirror, the arm aside.
 
-    Postures go by turns, so that what moves with the arm stands elsewhere in every other picture.
+    Postures go by turns: one that leaves all of the chest before one mirror covers it in another.
 
     Args:
         looks: The robot before a mirror.
@@ -173,11 +177,14 @@ def look_at_shape(
         stage: Told how far it is.
     """
     told = telling(stage, "looking at head and chest")
-    shots = []
+    shots, covered = [], []
     for k, (name, mirror) in enumerate(mirrors.items()):
         looks.before(mirror, places[name])
         clear = [one for one in postures if looks.clearance(one) > _CLEARANCE]
         clear = clear or [max(postures, key=looks.clearance)]
         shots.append(looks.shot(name, clear[k % len(clear)]))
+        covered.append(looks.covered_at(shots[-1].readings))
         told(k + 1, len(mirrors))
-    return ShapeLooks(MappingProxyType(dict(mirrors)), tuple(shots), looks.room(), looks.noise)
+    return ShapeLooks(
+        MappingProxyType(dict(mirrors)), tuple(shots), tuple(covered), looks.room(), looks.noise
+    )

@@ -17,9 +17,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.vision.surprise.blobs import Blob
+from nico_selfmodel.vision.surprise.blobs import Blob, threshold_of
 from nico_selfmodel.vision.surprise.surprise import Surprise, held_against
 
 _SOFT = 0.6
@@ -36,6 +36,8 @@ _STEPS, _LONGEST, _ARRIVED = 15, 0.7, 0.01
 """Of the fit: how many, the longest and that at which it ends [px]."""
 _UNSEEN = 0.5
 """What a middle is shifted by, of the radius, where nothing in and about a spot tells of paint."""
+_BLURRED = 2.0
+"""So far beyond a spot its paint surprises, by the mean of a place and by blur [px]."""
 _RING, _TOLD = 1.5, 0.1
 """How far about the spot that is asked [px], and the largest var a at which a pixel tells."""
 
@@ -64,6 +66,8 @@ class _Pixels:
     """M. Shape (n, 3)."""
     inverse: NDArray
     """C^-1. Shape (n, 3, 3)."""
+    chi_square: NDArray
+    """How much the place about each surprises, z^2. Shape (n,)."""
 
 
 def middle_of(blob: Blob, picture: NDArray, parts: Sequence[Surprise]) -> Middle:
@@ -80,7 +84,7 @@ def middle_of(blob: Blob, picture: NDArray, parts: Sequence[Surprise]) -> Middle
         spot and what is about it that tells nothing. The blob's middle, known to its radius, where
         there is nothing to fit; where a spot is seen in parts that are not of one such ellipse, as
         where paint crosses colours that it is like, the middle between them, known to half of what
-        they are apart.
+        they are apart; what surprises about an ellipse and is not blurred from it is such a part.
     """
     radius = float(np.sqrt(max(blob.area, _SMALLEST) / np.pi))
     pixels = _about(blob, radius, picture, parts)
@@ -91,6 +95,9 @@ def middle_of(blob: Blob, picture: NDArray, parts: Sequence[Surprise]) -> Middle
         return Middle(blob.u, blob.v, radius)
     if not _holds(fit.x, blob.parts):
         return _between(blob.parts)
+    rest = _unexplained(pixels, fit.x)
+    if len(rest):
+        return _between([fit.x[:2], rest.mean(axis=0)])
     sigma = np.hypot(fit.sigma, _UNSEEN * (1.0 - _told(pixels, fit.x)) * fit.radius)
     return Middle(float(fit.x[0]), float(fit.x[1]), float(sigma))
 
@@ -101,9 +108,18 @@ def _holds(x: NDArray, parts: Sequence[tuple[float, float]]) -> bool:
     return all(float(np.linalg.norm(M @ (np.array(part) - x[:2]))) <= 1.0 for part in parts)
 
 
-def _between(parts: Sequence[tuple[float, float]]) -> Middle:
+def _unexplained(pixels: _Pixels, x: NDArray) -> NDArray:
+    """Return the pixels that surprise beyond chance, and not by the paint of an ellipse. (k, 2)."""
+    M, y = np.array([[x[2], x[3]], [x[3], x[4]]]), pixels.at - x[:2]
+    apart = np.linalg.norm(y @ M, axis=1) + 1e-9
+    beyond = np.linalg.norm(y, axis=1) * (1.0 - 1.0 / apart)  # along the ray from the middle
+    surprising = pixels.chi_square > threshold_of(len(pixels.at))
+    return pixels.at[surprising & (beyond > _BLURRED)]
+
+
+def _between(parts: Sequence[ArrayLike]) -> Middle:
     """Return the middle between the parts that are farthest from each other, known to half."""
-    each = np.array(parts)
+    each = np.array(parts, dtype=float)
     apart = np.linalg.norm(each[:, None] - each, axis=2)
     first, last = np.unravel_index(int(np.argmax(apart)), apart.shape)
     u, v = 0.5 * (each[first] + each[last])
@@ -142,7 +158,8 @@ def _about(
         judged, off, alike, noise, _ = held_against(picture[window], own, part.gain)
         seen = picture[window][judged].astype(float)
         at = np.stack([columns[judged], rows[judged]], axis=1).astype(float)
-        found.append((at, seen, seen - off, np.linalg.inv(alike + noise * np.eye(3))))
+        inverse = np.linalg.inv(alike + noise * np.eye(3))
+        found.append((at, seen, seen - off, inverse, part.chi_square[window][judged]))
         left &= ~judged
     if sum(len(at) for at, *_ in found) < _SMALLEST:
         return None

@@ -235,6 +235,23 @@ def away_from_the_unknown(pixel_sigma: NDArray) -> NDArray:
     return found
 
 
+def about_the_loose(pixel_sigma: NDArray) -> NDArray:
+    """Return where something may be seen that is not known well. Shape (h, w).
+
+    Args:
+        pixel_sigma: Of where it is seen; nan where it is not expected [px]. Shape (h, w).
+
+    Returns:
+        Truth values: what is within 2.5 of the sigma of one of its pixels, and a pixel.
+    """
+    reach = np.ceil(_CERTAIN * pixel_sigma) + 1.0
+    found = np.zeros(reach.shape, dtype=bool)
+    for size in np.unique(reach[np.isfinite(reach)]).astype(int).tolist():
+        window = np.ones((2 * size + 1, 2 * size + 1), np.uint8)
+        found |= cv2.dilate((reach == size).astype(np.uint8), window) > 0
+    return found
+
+
 def _displaced(expected: Expectation, judged: NDArray) -> tuple[NDArray, NDArray]:
     """Return mean and covariance of the expectation over its displacements. (n, 3), (n, 3, 3)."""
     picture = expected.picture.astype(np.float32)
