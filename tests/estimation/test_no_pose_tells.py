@@ -7,13 +7,19 @@ import pytest
 
 from nico_selfmodel.dataset.body.link_joint import LinkJoint
 from nico_selfmodel.dataset.body.sensors import SensorInfo
+from nico_selfmodel.errors import NotConvergedError
 from nico_selfmodel.estimation.judging import judge, result_of
 from nico_selfmodel.estimation.tree.body_prediction import predict_body
 from nico_selfmodel.estimation.tree.contradictions.no_pose_tells import told_by_no_pose
-from nico_selfmodel.estimation.tree.contradictions.unplaced_markers import seldom_seen
+from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed
+from nico_selfmodel.estimation.tree.contradictions.unplaced_markers import (
+    hardly_seen,
+    seldom_seen,
+)
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_result import body_model
 from nico_selfmodel.geometry.rotation import rotation_from_vector
@@ -129,6 +135,22 @@ def test_a_marker_that_was_hardly_seen_is_a_warning_and_its_place_is_unknown(sig
     verdict = judge(found)
     assert not any("hand_tag1" in reason for reason in verdict.reasons)
     assert any(f"`hand_tag1` ({sights} times) was seen" in word for word in verdict.warnings)
+    assert np.linalg.norm(body_model(found).tree.markers[1].X_LA[:3, 3]) < 1.0  # beside the others
     there = predict_body(body_model(found), sim.data.readings[:1])
     # Without a length all of them are as far off as the body is large.
     assert there.sigma[0, 1] > 3.0 * there.sigma[0, [0, 2]].max()
+
+
+def test_a_marker_that_was_hardly_seen_may_run_away_and_no_other():
+    sim = one_arm(5, joints=3, markers=3, poses=10)
+    parameters = TreeParameters(sim.tree)
+    start = parameters.values_of(sim.tree)
+    values = start.copy()
+    values[parameters.index["hand_tag1.z"]] = -2e9
+    keep = np.ones(len(sim.data.observations), dtype=bool)
+    keep[np.flatnonzero(sim.data.observations.marker == 1)[4:]] = False
+    lost = hardly_seen(sim.data, keep)
+    assert lost == {"hand_tag1"}
+    check_that_it_stayed(parameters, start, values, lost=lost)
+    with pytest.raises(NotConvergedError, match=r"hand_tag1\.z went from"):
+        check_that_it_stayed(parameters, start, values)

@@ -7,6 +7,7 @@ import pytest
 
 from nico_selfmodel.dataset.body.sensors import SensorInfo
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.bending.what_bends import kept_words
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
@@ -84,6 +85,8 @@ def test_a_gear_that_contradicts_its_unit_is_a_fault_of_the_joint_by_name(gear, 
     assert said == named
     if not named:
         assert found.tree.gear[2] == pytest.approx(gear, abs=2e-3)
+        (words,) = kept_words(found.ladder, found.tree.bending, found.at)
+        assert words.startswith("gears are a little off (`j3.gear` is 1.00")
 
 
 @pytest.mark.slow

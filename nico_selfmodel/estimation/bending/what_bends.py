@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.bending.bendable import GEAR
 from nico_selfmodel.estimation.bending.implausible import COUPLES, LIFTS, NOT_ASKED, TURNS
 from nico_selfmodel.estimation.bending.ladder import Ladder
 from nico_selfmodel.estimation.bending.steps import STEPS, Step
@@ -80,10 +81,31 @@ def effect_sizes(bending: Bending | None, at: At) -> tuple[EffectSize, ...]:
 
 
 def bends_words(ladder: Ladder, bending: Bending | None, at: At) -> str:
-    """Say which effects move tracked points by how much."""
-    sizes = effect_sizes(bending, at)
-    found = {size.effect: f" by up to {1e3 * size.hand.max():.2g} mm at the hand" for size in sizes}
+    """Say which effects move tracked points by how much, and which joint most."""
+    found = {
+        size.effect: f" by up to {1e3 * size.hand.max():.2g} mm at the hand{_most(bending, size)}"
+        for size in effect_sizes(bending, at)
+    }
+    found[GEAR] = _farthest_gear(ladder)
     return ", ".join(f"{WORDS[e]}{found.get(e, '')}" for e in ladder.kept)
+
+
+def _most(bending: Bending | None, size: EffectSize) -> str:
+    """Name the joint that an effect turns most; what turns none, as bearings, names none."""
+    if bending is None or not size.turns.any():
+        return ""
+    return f" ({bending.joints[int(np.argmax(size.turns))]!r} most)"
+
+
+def _farthest_gear(ladder: Ladder) -> str:
+    """Name the gear that a unit tells and that is off most."""
+    bent, fit = ladder.bent, ladder.fit
+    if bent is None or fit is None:
+        return ""
+    told = fit.groups.get(GEAR, ())
+    values = {n: v for n, v in zip(bent.names, bent.values.tolist(), strict=True) if n in told}
+    worst = max(values, key=lambda name: abs(values[name] - 1.0), default=None)
+    return "" if worst is None else f" (`{worst}` is {values[worst]:.4f})"
 
 
 def kept_words(ladder: Ladder, bending: Bending | None, at: At) -> list[str]:

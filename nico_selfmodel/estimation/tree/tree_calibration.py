@@ -27,6 +27,7 @@ from nico_selfmodel.estimation.tree.contradictions.standing_still import (
 )
 from nico_selfmodel.estimation.tree.contradictions.told_values import agreeing_start
 from nico_selfmodel.estimation.tree.contradictions.unplaced_markers import (
+    hardly_seen,
     unplaced_markers,
     without_markers,
 )
@@ -309,7 +310,8 @@ def _finished(
     rigid = problem.refine(start.values)
     told = {name: mean for name, (mean, _) in setup.priors.items()} | dict(setup.fixed)
     cause = dead_encoders(data, data.joint_names) or too_short(setup.scale_from, told)
-    check_that_it_stayed(parameters, start.values, rigid.values, cause)
+    lost = hardly_seen(data, ~rigid.outliers)
+    check_that_it_stayed(parameters, start.values, rigid.values, cause, lost)
     ladder = bends(problem, rigid)
     problem, solution = ladder.solution.problem, ladder.solution.solution
     residuals = problem.residuals
@@ -319,8 +321,7 @@ def _finished(
     if description is not None:
         described = _as_described(problem, solution, data if test is None else test)
     uncertainty = ladder.in_doubt(_uncertainty(problem, solution, setup), ladder.solution.posture)
-    # Of a body that was known before all is told.
-    told = parameters.names if anew else tuple(setup.fixed)
+    told = parameters.names if anew else tuple(setup.fixed)  # known before, all is told
     unplaced = unplaced_markers(data, ~solution.outliers, uncertainty, told)
     return TreeCalibration(
         tree,

@@ -22,6 +22,7 @@ from nico_selfmodel.estimation.tree.compared_errors import (
     errors_of_tree,
     expected_errors,
 )
+from nico_selfmodel.estimation.tree.contradictions.unplaced_markers import in_the_middle
 from nico_selfmodel.estimation.tree.guesses.hand_eye import only_axis
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_findings import (
@@ -93,7 +94,7 @@ def body_model(calibration: TreeCalibration) -> BodyModel:
     }
     if data.seed is not None:
         provenance["seed"] = data.seed
-    tree = body_alone(calibration.tree)
+    tree = in_the_middle(body_alone(calibration.tree), calibration.unplaced)
     joints = data.joints[: len(tree.joints)]
     # Of boards nothing is estimated but what bends, which is nothing.
     boards = tuple(f"{data.joints[i].name}." for i in data.free_joints)
@@ -126,11 +127,10 @@ def body_model(calibration: TreeCalibration) -> BodyModel:
 def _with_scale(calibration: TreeCalibration) -> tuple[tuple[str, ...], NDArray]:
     """Return the covariance of what was free, and of all lengths where nothing tells these.
 
-    Markers that nobody saw may be anywhere.
+    Markers that were seen too seldom may be anywhere.
     """
     known, parameters = calibration.uncertainty, calibration.parameters
-    never = (name for name, count in calibration.unplaced.items() if not count)
-    far = (f"{name}.{part}" for name in never for part in SHIFTS)
+    far = [f"{name}.{part}" for name in calibration.unplaced for part in SHIFTS]
     nowhere = [name for name in far if name not in known.names]
     way = parameters.by_scale(calibration.values)
     if calibration.setup.scale_from is not None:
@@ -144,7 +144,11 @@ def _with_scale(calibration: TreeCalibration) -> tuple[tuple[str, ...], NDArray]
     matrix[:told, :told] = np.block(
         [[known.covariance, across.T], [across, np.outer(others, others)]]
     )
-    return (*known.names, *held, *nowhere), matrix
+    names = (*known.names, *held, *nowhere)
+    lost = np.isin(names, far)
+    matrix[lost], matrix[:, lost] = 0.0, 0.0
+    matrix[lost, lost] = anywhere
+    return names, matrix
 
 
 def _parameters(calibration: TreeCalibration) -> dict[str, Parameter]:

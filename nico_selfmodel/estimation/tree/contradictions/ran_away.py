@@ -1,6 +1,6 @@
 """Adjustments that went where no body is: what nothing holds grows without end."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,11 @@ def too_short(scale_from: str | None, told: Mapping[str, float]) -> str:
 
 
 def check_that_it_stayed(
-    parameters: BodyParameters, start: NDArray, values: NDArray, cause: str = ""
+    parameters: BodyParameters,
+    start: NDArray,
+    values: NDArray,
+    cause: str = "",
+    lost: Collection[str] = (),
 ) -> None:
     """Refuse a body that left all bounds: it is no answer, however small its residuals are.
 
@@ -40,6 +44,7 @@ def check_that_it_stayed(
         start: Where it began. Shape (P,).
         values: Where it ended. Shape (P,).
         cause: What may have led it away, if anything is known.
+        lost: Markers that may be anywhere.
 
     Raises:
         NotConvergedError: If a length is a hundred times as large as the largest at first, a
@@ -50,6 +55,7 @@ def check_that_it_stayed(
     began, ended = (parameters.layout_values(v) for v in (start, values))
     most = np.where(units == "m", np.abs(began[units == "m"]).max(initial=_SMALLEST), 1.0)
     moved = np.isin(units, ("m", "rad")) & (ended != began)
+    moved &= ~np.isin([name.rpartition(".")[0] for name in layout.names], [*lost])
     far = np.where(moved, np.nan_to_num(np.abs(ended) / most, nan=np.inf), 0.0)
     worst = int(np.argmax(far))
     if far[worst] > _FARTHEST:

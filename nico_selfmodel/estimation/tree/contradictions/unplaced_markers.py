@@ -1,12 +1,14 @@
 """Markers of which a recording does not tell where they are: never seen in it, or too seldom."""
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.model.tree.body_tree import FREE
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.tree.body_tree import FREE, BodyTree
 from nico_selfmodel.optimization.uncertainty import Uncertainty, UnobservableDirection
 
 SELDOM = 5
@@ -55,6 +57,25 @@ def seldom_seen(seen: Mapping[str, int], direction: UnobservableDirection) -> se
     """
     frames = {name.rpartition(".")[0] for name in direction.names}
     return frames if all(seen.get(name, SELDOM) < SELDOM for name in frames) else set()
+
+
+def hardly_seen(data: BodyDataset, keep: NDArray) -> set[str]:
+    """Return markers that may be anywhere: seen too seldom. Rows that count, shape (N,)."""
+    return {name for name, count in _sights(data, keep).items() if count < SELDOM}
+
+
+def in_the_middle(tree: BodyTree, names: Collection[str]) -> BodyTree:
+    """Return a body with markers that may be anywhere in the middle of others of their link.
+
+    A few wrong sights may have put them kilometres away.
+    """
+    markers = list(tree.markers)
+    for k, marker in enumerate(markers):
+        others = [m.X_LA[:3, 3] for m in tree.markers if m.on == marker.on and m.name not in names]
+        if marker.name in names:
+            middle = np.median(others, axis=0) if others else np.zeros(3)
+            markers[k] = replace(marker, X_LA=transform(marker.X_LA[:3, :3], middle))
+    return tree.with_markers(tuple(markers))
 
 
 def without_markers(data: BodyDataset, names: Collection[str]) -> BodyDataset:
