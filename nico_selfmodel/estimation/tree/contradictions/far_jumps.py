@@ -74,7 +74,8 @@ def _asked(seen: TreeObservations, outliers: NDArray, by_joint: NDArray) -> tupl
     of, aside = np.zeros((counts, len(may))), np.zeros((counts, len(may)))
     np.add.at(of, seen.visit[mine], moved[mine])
     np.add.at(aside, seen.visit[mine], out[mine])
-    asked = (aside > 0.0) & (aside >= _ASIDE * of) & may
+    # One number is explained by any joint, turned by something.
+    asked = (aside > 0.0) & (aside >= _ASIDE * of) & (of > 1.0) & may
     if asked.any(axis=1).mean() > _MOST:
         asked[:] = False
     visit, joint = np.nonzero(asked)
