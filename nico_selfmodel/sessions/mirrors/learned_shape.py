@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.mirrors.mark_place import GATE_3
 from nico_selfmodel.estimation.shape.fair_surface import Neighbours
 from nico_selfmodel.estimation.shape.fusion import DepthView, first_surface
 from nico_selfmodel.estimation.shape.refinement import RefinedSurface, refine_surface
@@ -17,7 +18,7 @@ from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.shape.link_shape import BodyShape, LinkShape
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 from nico_selfmodel.sessions.mirrors.before_pictures import mirrors_and_cameras
-from nico_selfmodel.sessions.mirrors.shape_looks import ShapeLooks
+from nico_selfmodel.sessions.mirrors.shape_looks import FEWEST_MIRRORS, ShapeLooks
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.vision.images.body_outline import beyond_body, plain_color
 from nico_selfmodel.vision.images.image_array import smoothed_within
@@ -121,6 +122,9 @@ def learn_shape(
 ) -> LearnedShape:
     """Learn the shape of links that stood still in all pictures.
 
+    Mirrors that pictures move farther than the hand allows once in a thousand times are left out,
+    and all is learned anew.
+
     Args:
         looks: Pictures in mirrors.
         model: Who has learned the mirrors and the cameras; the left one is W.
@@ -150,6 +154,10 @@ def learn_shape(
         return replace(views, views=tuple(smooth))
 
     found = refine_surface(mesh, blurred, rng, telling(stage, "learning its shape"))
+    trusted = [name for name, one in zip(looks.mirrors, moved(views, found), strict=True)
+               if one < GATE_3]  # fmt: skip
+    if FEWEST_MIRRORS <= len(trusted) < len(looks.mirrors):
+        return learn_shape(looks.only(trusted), model, skeleton, poses, wanted, rng, stage)
     links = _links(found, skeleton, poses, wanted)
     return LearnedShape(BodyShape(links, {link: poses[link] for link in links}), found)
 
@@ -181,6 +189,18 @@ def _depths(looks: ShapeLooks, views: ShapeViews) -> list[DepthView]:
         inside = pair.bent(views.views[2 * k].beyond, 0) < _INSIDE
         found.append(DepthView(k, pair.left, np.where(inside, depth, np.nan)))
     return found
+
+
+def moved(views: ShapeViews, found: RefinedSurface) -> list[float]:
+    """Return how far pictures moved each mirror from where the hand told it.
+
+    The chi-square is of three degrees of freedom. Pictures lead no farther than they are blurred:
+    of a mirror that the hand told much worse than it says they find another place, and all that
+    they show in it is wrong.
+    """
+    off = np.reshape([one.values for one in found.mirrors], (-1, 3)) - views.values.reshape(-1, 3)
+    own = [views.covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] for k in range(len(off))]
+    return [float(d @ np.linalg.solve(P, d)) for d, P in zip(off, own, strict=True)]
 
 
 def _links(
