@@ -71,14 +71,14 @@ class Touches:
             DataError: If what touched a plane does not span one.
         """
         markers, known = list(tree.markers), [m.xyz is not None for m in self.data.markers]
-        placed = {*self.data.observations.marker.tolist(), *np.flatnonzero(known).tolist()}
-        placed -= set(self.markers.tolist())
+        seen = {*self.data.observations.marker.tolist(), *np.flatnonzero(known).tolist()}
         for m in self.markers.tolist():
-            others = [marker.X_LA[:3, 3] for k, marker in enumerate(tree.markers)
-                      if marker.on == markers[m].on and k in placed]  # fmt: skip
-            if others:
-                # Of some that were hardly seen nobody knows the places.
-                middle = np.median(others, axis=0)
+            others = {k: marker.X_LA[:3, 3] for k, marker in enumerate(tree.markers)
+                      if marker.on == markers[m].on and k not in self.markers}  # fmt: skip
+            # Of some that were hardly seen nobody knows the places.
+            placed = [p for k, p in others.items() if k in seen] or [*others.values()]
+            if placed:
+                middle = np.median(placed, axis=0)
                 markers[m] = replace(markers[m], X_LA=transform(np.eye(3), middle))
         tree = tree.with_markers(tuple(markers))
         motion = TreeMotion.at(tree, self.data.si_readings, self.data.X_flange)
