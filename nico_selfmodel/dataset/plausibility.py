@@ -18,7 +18,7 @@ MAX_TURN_RAD = 4.0 * np.pi
 """A joint that turned further was hardly read in radians [rad]."""
 
 _MOST_OUTSIDE = 0.1
-"""Share of pixels that may lie outside their images."""
+"""Share of pixels that may lie outside their images without a word."""
 _COPIES, _FEWEST_COPIES = 0.25, 10
 """Share and number of rows that stand there again from which on these are copies: a robot that
 repeats itself without noise comes back to a pose now and then."""
@@ -32,17 +32,16 @@ def check_as_read(dataset: Dataset, place: str) -> None:
         place: The file, for messages.
 
     Raises:
-        DataError: As `check_plausible`, or if many rows are copies or many pixels lie outside
-            their images.
+        DataError: As `check_plausible`, or if many rows are copies.
 
     Warns:
-        UserWarning: As `warn_of_units`.
+        UserWarning: As `warn_of_units` and `warn_of_outside`.
     """
     check_plausible(dataset, place)
     measured = np.hstack([dataset.p_WH_measured, dataset.pixels])
     seen = np.isfinite(measured).any(axis=1)
     for own in np.split(dataset.pixels, 2, axis=1):
-        refuse_outside(own, dataset.image_size, place)
+        warn_of_outside(own, dataset.image_size, place)
     refuse_copies(dataset.sample[seen], np.hstack([dataset.encoders, measured])[seen], place)
     warn_of_units(dataset, place)
 
@@ -79,16 +78,18 @@ def refuse_copies(sample: NDArray, rows: NDArray, place: str) -> None:
         )
 
 
-def refuse_outside(pixels: NDArray, size: tuple[int, int] | None, what: str) -> None:
-    """Refuse pixels of which many lie outside their images.
+def warn_of_outside(pixels: NDArray, size: tuple[int, int] | None, what: str) -> None:
+    """Warn of pixels of which many lie outside their images.
+
+    They are learned from all the same: a simulated camera may have no edges.
 
     Args:
         pixels: u and v, nan where nothing was seen. Shape (N, 2).
-        size: Width and height of the images; nothing is refused where that is not known.
+        size: Width and height of the images; nothing is said where that is not known.
         what: Whose they are, for the message.
 
-    Raises:
-        DataError: If more than a tenth do.
+    Warns:
+        UserWarning: If more than a tenth do.
     """
     there = pixels[np.isfinite(pixels).all(axis=1)]
     if size is None or not len(there):
@@ -96,9 +97,10 @@ def refuse_outside(pixels: NDArray, size: tuple[int, int] | None, what: str) -> 
     beyond = (there < -0.5) | (there > np.array(size) - 0.5)
     if beyond.any(axis=1).mean() > _MOST_OUTSIDE:
         u, v = there.max(axis=0)
-        raise DataError(
+        warnings.warn(
             f"{what}: pixels up to {u:.4g}, {v:.4g} in images of {size[0]} x {size[1]}: is "
-            "image_size that of these images, and are they pixels?"
+            "image_size that of these images, and are they pixels?",
+            stacklevel=4,
         )
 
 

@@ -11,7 +11,7 @@ from nico_selfmodel.dataset.plausibility import (
     MAX_SPREAD_M,
     MAX_TURN_RAD,
     refuse_copies,
-    refuse_outside,
+    warn_of_outside,
 )
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, REVOLUTE
@@ -25,8 +25,7 @@ def check_plausible_body(data: BodyDataset) -> None:
 
     Raises:
         DataError: If places or distances spread over more than 20 m, a rotation vector turns by
-            more than a whole turn, many observations are copies, or many pixels lie outside their
-            images.
+            more than a whole turn, or many observations are copies.
 
     Warns:
         UserWarning: If a joint read in `rad` turned by more than two whole turns.
@@ -42,7 +41,7 @@ def check_plausible_body(data: BodyDataset) -> None:
         if sensor.kind in (POINTS, POSES):
             _check_lengths(what, _from_middle(own[:, :3]))
         if sensor.kind == CAMERA:
-            refuse_outside(own[:, :2], sensor.image_size, what)
+            warn_of_outside(own[:, :2], sensor.image_size, what)
         if sensor.kind == POSES:
             _check_turns(f"orientations of sensor {sensor.name!r}", own[:, 3:6])
     xyz = np.array([marker.xyz for marker in data.markers if marker.xyz is not None])
