@@ -16,6 +16,7 @@ from nico_selfmodel.systems.rendering.renderer import can_render
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
+from nico_selfmodel.vision.images.image_file import read_image
 
 LOSSY = replace(IMPERFECTIONS["thesis"], dropout_share=0.5)
 
@@ -46,7 +47,13 @@ def assert_same_files(one, other):
         assert (one / name).read_bytes() == (other / name).read_bytes()
     images = [sorted(p for p in folder.glob("images/*")) for folder in (one, other)]
     assert [p.name for p in images[0]] == [p.name for p in images[1]]
-    assert all(a.read_bytes() == b.read_bytes() for a, b in zip(*images, strict=True))
+    assert all(are_alike(*map(read_image, pair)) for pair in zip(*images, strict=True))
+
+
+def are_alike(one, other):
+    """Whether pictures are the same but where two surfaces meet in one depth: which of them a
+    renderer draws first hangs on how many geometries the process has had before."""
+    return one.shape == other.shape and np.mean(one != other) < 1e-4
 
 
 @pytest.mark.parametrize("stops", [(1,), (7,), pytest.param((3, 11, 19), marks=pytest.mark.slow)])
