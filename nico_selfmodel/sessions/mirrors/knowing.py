@@ -184,8 +184,10 @@ def know_itself(robot: Acquainted, plate: MirrorPlate, stage: Stage) -> Knowing:
         unknown, unlike = {}, {}
         for name, view in views.items():
             looks.before(body.mirror(name), view.X_BM)
-            unknown[name] = looks.unknown_of(poses[name][: 1 + _UNMARKED][-_UNMARKED:])
+            # By what a description is known by: what is learned next takes stains for colours.
+            looks.unknown = Unknown()
             unlike[name] = looks.unlike(poses[name][:1], LINKS)
+            unknown[name] = looks.unknown_of(poses[name][: 1 + _UNMARKED][-_UNMARKED:])
     return Knowing(
         robot,
         body,
