@@ -17,6 +17,7 @@ from ..estimation.bodies_before_mirrors import knowing_body
 from .one_line import assert_one_clear_line
 
 
+@pytest.mark.slow
 def test_a_whole_nico_is_recorded_as_a_body(tmp_path, command):
     out = tmp_path / "nico"
     done = command(

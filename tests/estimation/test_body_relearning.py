@@ -62,6 +62,7 @@ def test_a_body_with_new_zeros_expects_what_is_seen(body, data):
     assert document["shift_deg"]["left_elbow"] == pytest.approx(-7.0, abs=0.6)
 
 
+@pytest.mark.slow
 def test_a_zero_that_was_not_named_is_named(body, data):
     update = rezero_body(body, shifted(body, data, left_elbow=7.0), ["right_elbow"])
     assert not update.fits

@@ -62,6 +62,7 @@ def test_a_camera_on_a_hand_is_placed_by_markers_located_or_not(seed, tracked_ro
     assert apart[0] == pytest.approx(apart[1], abs=4e-3)
 
 
+@pytest.mark.slow
 def test_a_camera_on_a_hand_that_sees_nothing_located_is_refused():
     sim = one_arm(3, joints=4, markers=2, poses=40)
     size = {"image_size": LENS.image_size, "lens": dict(LENS.named_values)}

@@ -194,6 +194,7 @@ def test_an_arm_does_not_fit_whose_new_zero_leaves_a_tenth_of_the_poses_off(mode
     assert rezero(model, few, joints=("right_elbow",)).update.fits
 
 
+@pytest.mark.slow
 def test_another_robot_does_not_fit_after_its_torso_was_learned_anew():
     made = two_arms(2, poses=20, tags_each=3)
     noise = {sensor.name: 0.3 for sensor in made.tree.sensors}

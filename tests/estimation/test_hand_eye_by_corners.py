@@ -98,6 +98,7 @@ def test_the_place_of_a_camera_on_a_flange_is_as_sure_as_it_says():
     assert 0.7 < np.mean(scores) < 1.4
 
 
+@pytest.mark.slow
 def test_a_camera_on_a_flange_is_placed_by_corners_nobody_knows_the_places_of():
     X_FC, data = recorded(np.random.default_rng(2), poses=30, known=False)
     first = np.arange(30) < 20

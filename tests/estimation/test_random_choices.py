@@ -94,6 +94,7 @@ def check_one(seed):
     return False
 
 
+@pytest.mark.slow
 def test_a_held_part_of_a_camera_that_turns_away_lets_nothing_grow_without_end():
     # Both ended kilometres away: the part that was held had become a hundred-thousandth.
     for seed, poses in ((40550, 12), (40263, 14)):

@@ -109,6 +109,7 @@ def test_without_slips_no_joint_slips_often():
         assert found.sum() <= 2
 
 
+@pytest.mark.slow
 def test_a_joint_that_jumps_is_named_by_one_marker_alone():
     for seed in (8006, 8013, 8038):  # noise had hidden them all
         rng = np.random.default_rng((77, seed))

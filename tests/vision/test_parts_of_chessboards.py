@@ -98,6 +98,7 @@ def test_a_board_with_a_hole_lies_where_it_lies():
     assert np.nanmax(np.abs(seen.corners - whole.pixels)) < 0.3
 
 
+@pytest.mark.slow
 def test_two_rows_are_no_part():
     image = shown().image.copy()
     whole = shown()
