@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from nico_selfmodel.geometry.epipolar import (
@@ -133,12 +133,13 @@ def test_the_essential_matrix_allows_four_poses_and_one_is_true(seed):
 
 
 @given(SEED)
+@example(331216)
 def test_cheirality_picks_the_true_pose(seed):
-    rotation, translation, first, second, *_ = two_views(seed)
+    rotation, translation, first, second, _, depth = two_views(seed)
     found = RelativePose.from_points(first, second)
     assert found.rotation == pytest.approx(rotation, abs=1e-7)
     assert found.translation == pytest.approx(translation / np.linalg.norm(translation), abs=1e-7)
-    assert found.share_in_front == 1.0
+    assert found.share_in_front == np.mean(depth > 0.0)  # few are behind the second view
     E = essential(rotation, translation)
     shares = [
         (two_view_depths(R, t, first, second) > 0.0).all(axis=1).mean()
