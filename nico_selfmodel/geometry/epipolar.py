@@ -36,7 +36,7 @@ def eight_point(first: ArrayLike, second: ArrayLike) -> NDArray:
     first, second = np.asarray(first, dtype=float), np.asarray(second, dtype=float)
     if first.shape != second.shape or first.ndim != 2 or first.shape[1] != 2 or len(first) < 8:
         raise ValueError(
-            f"two equal shapes (N, 2) with N >= 8 are needed, got {first.shape}, {second.shape}."
+            f"two equal shapes (N, 2) with N >= 8 are needed, got {first.shape}, {second.shape}"
         )
     a, t_first = normalised_points(first, "first")
     b, t_second = normalised_points(second, "second")

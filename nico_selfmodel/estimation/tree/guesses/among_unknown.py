@@ -20,13 +20,17 @@ from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
 FEWEST_PAIRS = 20
-"""Pairs of sights of one marker that are needed; six numbers are asked for."""
-_MOST_PAIRS, _TURNS, _REFINED, _STEPS = 400, 1000, 60, 15
+"""Pairs of observations of one marker that are needed; six numbers are asked for."""
+_MOST_PAIRS = 400
+"""Pairs that are asked; of more some are drawn."""
+_TURNS, _REFINED, _STEPS = 1000, 60, 15
+"""Turns that are drawn at once, those of them that are refined, and steps of each."""
 _LEAST_ANGLE = 0.05
 """Sine of the angle between two rays below which noise turns their plane."""
 _NEAR = 0.3
 """Weight that keeps a camera near its link's frame where rays leave that open [1/m]."""
 _BATCHES = 3
+"""Times that turns are drawn."""
 _FAR = 0.1
 """Angle at which a ray misses its marker by any amount [rad]."""
 _WITHIN = 0.02
@@ -70,13 +74,13 @@ def camera_among_unknown(
     Args:
         rays: Directions in the camera, nan where a pixel has none. Shape (N, 3).
         marker: Which marker each is of. Shape (N,).
-        R: Turn of the camera's link in the marker's at each sight. Shape (N, 3, 3).
+        R: Turn of the camera's link in the marker's at each observation. Shape (N, 3, 3).
         p: Its place there [m]. Shape (N, 3).
         rng: Of the draws.
 
     Returns:
-        X_LC, shape (4, 4); None where there are too few pairs of sights, or half of all rays miss
-        where others of their markers meet.
+        X_LC, shape (4, 4); None where there are too few pairs of observations, or half of all rays
+        miss where others of their markers meet.
     """
     told = np.isfinite(rays).all(axis=1)
     rays, marker, R, p = (
@@ -121,7 +125,7 @@ def _angles(
 
 
 def _pairs(marker: NDArray, rng: np.random.Generator) -> NDArray:
-    """Return pairs of sights of one marker, not more than are needed. Shape (n, 2)."""
+    """Return pairs of observations of one marker, not more than are needed. Shape (n, 2)."""
     found = []
     for m in np.unique(marker[marker >= 0]).tolist():
         own = np.flatnonzero(marker == m)
