@@ -4,7 +4,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
-from typing import TypeVar
+from typing import Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from nico_selfmodel.errors import BusError, RobotError
 from nico_selfmodel.servos.arm_state import ArmState
 from nico_selfmodel.servos.motor_driver import MotorDriver
+from nico_selfmodel.with_blocks import ClosedAtEnd
 
 DEFAULT_PERIOD = 0.05
 _T = TypeVar("_T")
 
 
-class ArmLoop:
+class ArmLoop(ClosedAtEnd):
     """Cycles a driver in a thread of its own; every method returns at once but `call`.
 
     What the thread fails with is raised from `check` and `state` with its cause. The heartbeat is
@@ -45,12 +46,9 @@ class ArmLoop:
         self._failure: BaseException | None = None
         self._thread: threading.Thread | None = None
 
-    def __enter__(self) -> "ArmLoop":
+    def __enter__(self) -> Self:
         self.start()
         return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def start(self, timeout: float = 10.0) -> ArmState:
         """Start the thread and wait for the first complete reading.

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 from nico_selfmodel.errors import BusError, ServoFault
 from nico_selfmodel.servos.ports import Port, SerialPort
+from nico_selfmodel.with_blocks import ClosedAtEnd
 
 FINGERS = ("index", "fingers")
 """The index finger, and the other three together."""
@@ -34,7 +35,7 @@ class FingerState:
 
 
 @dataclass
-class Hand:
+class Hand(ClosedAtEnd):
     """The hand on its serial line. Making one sends nothing; opening it moves nothing.
 
     There is no encoder: where a finger is, is `unknown` until it was run to an end.
@@ -59,12 +60,6 @@ class Hand:
             hand.close()
             raise
         return hand
-
-    def __enter__(self) -> "Hand":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Give the port back; a motor that runs ends by itself in time."""

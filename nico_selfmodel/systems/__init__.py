@@ -36,11 +36,14 @@ if TYPE_CHECKING:
     from nico_selfmodel.systems.stations.station_body import SettleTimeouts, StationBody
     from nico_selfmodel.systems.tracking.gaze_controller import GazeController
     from nico_selfmodel.systems.tracking.hand_tracker import HandTracker
-    from nico_selfmodel.systems.tracking.loaded_angles import LoadedAngles
     from nico_selfmodel.systems.tracking.reflection_detectors import default_mirror_detectors
     from nico_selfmodel.systems.tracking.self_model_monitor import SelfModelMonitor
     from nico_selfmodel.systems.tracking.self_model_predictor import SelfModelPredictor
-    from nico_selfmodel.systems.tracking.servo_maps import AnglesToEncoders, EncodersToAngles
+    from nico_selfmodel.systems.tracking.servo_maps import (
+        AnglesToEncoders,
+        EncodersToAngles,
+        LoadedAngles,
+    )
 
 __all__ = [
     "IMPERFECTIONS",
@@ -111,7 +114,6 @@ __getattr__, __dir__ = lazy_names(
         "stations.nico_hardware_station": ("NicoHardwareStation",),
         "stations.nico_station": ("NicoStation",),
         "stations.station_body": ("SettleTimeouts", "StationBody"),
-        "tracking.loaded_angles": ("LoadedAngles",),
         "tracking.gaze_controller": ("GazeController",),
         "tracking.hand_tracker": ("HandTracker",),
         "tracking.reflection_detectors": ("default_mirror_detectors",),
@@ -120,6 +122,7 @@ __getattr__, __dir__ = lazy_names(
         "tracking.servo_maps": (
             "AnglesToEncoders",
             "EncodersToAngles",
+            "LoadedAngles",
         ),
     },
 )

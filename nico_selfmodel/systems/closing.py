@@ -11,9 +11,10 @@ from contextlib import suppress
 from typing import Self
 
 from nico_selfmodel.errors import RobotError
+from nico_selfmodel.with_blocks import ClosedAtEnd
 
 
-class Closable:
+class Closable(ClosedAtEnd):
     """Something to be used in a `with` block; closing it twice is fine."""
 
     _closed = False
@@ -32,9 +33,6 @@ class Closable:
     def __enter__(self) -> Self:
         self.require_open()
         return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def require_open(self) -> None:
         """Refuse to be used after closing.

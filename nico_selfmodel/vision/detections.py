@@ -21,7 +21,7 @@ from nico_selfmodel.vision.color.color_blob import ColorBlob, find_color_blob
 from nico_selfmodel.vision.color.color_model import ColorModel
 from nico_selfmodel.vision.images.image_file import image_files, looking_at, read_image, write_image
 from nico_selfmodel.vision.images.not_seen import NotSeen
-from nico_selfmodel.vision.markers.fiducial import fiducials_or_reason
+from nico_selfmodel.vision.markers.fiducial import FiducialSearch
 from nico_selfmodel.vision.markers.fiducial_family import FiducialFamily
 
 FORMAT = "nico-detections/1"
@@ -50,7 +50,7 @@ class Detector:
         chosen = FiducialFamily(family)
 
         def look(image: NDArray) -> list[Seen] | NotSeen:
-            seen = fiducials_or_reason(image, chosen)
+            seen = FiducialSearch.of(image, chosen).found
             return seen if isinstance(seen, NotSeen) else list(seen)
 
         return cls(f"fiducial {family}", look)

@@ -21,6 +21,7 @@ ALLOWED = {
     "lazy": set(),
     "files": {"yaml"},
     "names": set(),
+    "with_blocks": set(),
     "geometry": {"numpy"},
     "model": {"numpy"},
     "dataset": {"numpy", "yaml"},

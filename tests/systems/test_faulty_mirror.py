@@ -7,7 +7,7 @@ from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
 from nico_selfmodel.systems.simulated.curved_mirror import curved_reflection
-from nico_selfmodel.systems.tracking.reflection_detectors import fiducial_in_mirror
+from nico_selfmodel.systems.tracking.reflection_detectors import default_mirror_detectors
 from nico_selfmodel.vision.images.not_seen import NotSeen
 
 from .mirror_world import MirrorWorld, plate_pose
@@ -29,8 +29,9 @@ def at_foot():
 def seen(world, p):
     """Return where both cameras find the reflection of a marker at p, nan where they do not."""
     pixels = []
-    for camera, image in zip(RIG.cameras, world.look(at_foot(), card(p)), strict=True):
-        _, found = fiducial_in_mirror(camera=camera)(image, np.full(2, np.nan))
+    find = default_mirror_detectors(RIG)["fiducial"]
+    for look, image in zip(find, world.look(at_foot(), card(p)), strict=True):
+        _, found = look(image, np.full(2, np.nan))
         pixels.append(np.full(2, np.nan) if isinstance(found, NotSeen) else found)
     return np.array(pixels)
 

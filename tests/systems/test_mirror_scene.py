@@ -18,8 +18,8 @@ from nico_selfmodel.systems.tracking.hand_tracker import HandTracker
 from nico_selfmodel.systems.tracking.reflection_detectors import (
     color_in_mirror,
     default_mirror_detectors,
-    fiducial_in_mirror,
 )
+from nico_selfmodel.systems.tracking.shared_search import fiducials_in_mirror
 from nico_selfmodel.vision.images.not_seen import NotSeen
 
 from .mirror_world import BLOCK, MirrorWorld, facing, plate_pose
@@ -61,7 +61,7 @@ def card(p, mirror=MIRROR, turn=None):
 @pytest.mark.slow
 def test_reflected_markers_are_where_the_mirror_projects_them():
     world, rng, errors = MirrorWorld(RIG, NOISY), np.random.default_rng(0), []
-    find = [fiducial_in_mirror(camera=camera) for camera in RIG.cameras]
+    find = default_mirror_detectors(RIG)["fiducial"]
     for _ in range(60):
         if len(errors) >= 16:
             break
@@ -130,8 +130,9 @@ def test_a_plate_seen_edge_on_shows_nothing_and_from_behind_only_its_back(world,
     assert np.array_equal(left, plain[0])
     assert (right != plain[1]).any()
     turned = X_LM @ transform(rotation_from_vector([0.0, np.pi, 0.0]), np.zeros(3))
+    find, _ = default_mirror_detectors()["fiducial"]
     for image in world.look(turned, card(HAND)):
-        direct, reflected = fiducial_in_mirror()(image, np.full(2, np.nan))
+        direct, reflected = find(image, np.full(2, np.nan))
         assert isinstance(direct, NotSeen)
         assert isinstance(reflected, NotSeen)
 
@@ -141,7 +142,8 @@ def test_a_mirror_that_is_moved_through_its_port_shows_the_marker_elsewhere(worl
     for tilt in (-12.0, -6.0):
         mirror = Mirror.from_values([*np.radians([8.0, tilt]), 0.32])
         images = world.look(plate_pose(mirror), card(HAND))
-        _, reflected = fiducial_in_mirror(camera=RIG.left)(images[0], np.full(2, np.nan))
+        find, _ = default_mirror_detectors(RIG)["fiducial"]
+        _, reflected = find(images[0], np.full(2, np.nan))
         assert reflected == pytest.approx(
             MirrorRig(RIG, mirror).project(in_world(HAND))[:2], abs=0.5
         )
@@ -239,7 +241,7 @@ def test_mirrors_that_make_no_sense_are_refused():
     with pytest.raises(ValueError, match="at least one marker"):
         HandTracker({}, before_mirror=True)
     with pytest.raises(ValueError, match="take another"):
-        fiducial_in_mirror(17, "aruco_4x4_1000")
+        fiducials_in_mirror({"twin": 17}, {}, family="aruco_4x4_1000")
 
 
 def test_two_mirrors_have_a_port_each_and_the_ports_are_documented():

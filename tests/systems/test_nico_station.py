@@ -20,8 +20,9 @@ from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
 from nico_selfmodel.systems.stations.nico_station import NicoStation
-from nico_selfmodel.systems.tracking.hand_tracker import HandTracker, fiducial_detector
+from nico_selfmodel.systems.tracking.hand_tracker import HandTracker
 from nico_selfmodel.systems.tracking.self_model_predictor import SelfModelPredictor
+from nico_selfmodel.systems.tracking.shared_search import fiducial_detectors
 
 ROUGH = ImageQuality(1)
 POSE = np.radians([-40.0, 15.0, -35.0, -55.0])
@@ -175,7 +176,7 @@ def test_a_users_own_diagram_predicts_and_logs_and_leaves_no_thread(station):
     nico = builder.AddSystem(NicoStation("thesis", 3, 7, quality=ROUGH))
     guess = VisibleWorkspace.of(nico.arm).first_guess(nico.joints)
     predictor = builder.AddSystem(SelfModelPredictor(guess, "fiducial"))
-    tracker = builder.AddSystem(HandTracker({"fiducial": fiducial_detector()}))
+    tracker = builder.AddSystem(HandTracker(fiducial_detectors({"fiducial": 7})))
     builder.Connect(nico.GetOutputPort("encoders"), predictor.GetInputPort("encoders"))
     for camera in ("left_image", "right_image"):
         builder.Connect(nico.GetOutputPort(camera), tracker.GetInputPort(camera))

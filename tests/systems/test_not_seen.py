@@ -13,7 +13,8 @@ from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
-from nico_selfmodel.systems.tracking.hand_tracker import HandTracker, fiducial_detector
+from nico_selfmodel.systems.tracking.hand_tracker import HandTracker
+from nico_selfmodel.systems.tracking.shared_search import fiducial_detectors
 
 from .card_world import CardWorld
 
@@ -26,7 +27,7 @@ def track(images, detectors=None):
     """Run the tracker on a pair of pictures: pixels, seen, reasons."""
     from nico_selfmodel.systems.image_values import image_value, write_bgr
 
-    tracker = HandTracker(detectors or {"fiducial": fiducial_detector()})
+    tracker = HandTracker(detectors or fiducial_detectors({"fiducial": 7}))
     context = tracker.CreateDefaultContext()
     for camera, image in zip(("left", "right"), images, strict=True):
         value = image_value(*image.shape[1::-1])

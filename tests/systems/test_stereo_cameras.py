@@ -12,7 +12,7 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.systems.image_values import bgr_of
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality, StereoCameras
-from nico_selfmodel.systems.tracking.hand_tracker import fiducial_detector
+from nico_selfmodel.systems.tracking.shared_search import fiducial_detectors
 from nico_selfmodel.vision.boards.chessboard import Board, find_chessboard
 from nico_selfmodel.vision.images.not_seen import NotSeen
 
@@ -74,7 +74,7 @@ def test_distorted_boards_are_where_the_camera_projects_them():
 @pytest.mark.parametrize("rig", RIGS, ids=lambda rig: rig.lenses[0])
 def test_marker_centres_behind_lenses_have_no_bias(rig):
     world = CardWorld(rig, ImageQuality(noise=2.0))
-    find = [fiducial_detector(FIDUCIAL, camera=camera) for camera in rig.cameras]
+    find = fiducial_detectors({"card": FIDUCIAL}, rig=rig)["card"]
     rng, errors, missed = np.random.default_rng(1), [], 0
     shown = poses(rng, 100, 0.17, 0.33, 0.6, 0.45, np.zeros(3), 30.0, rig)
     for k, (X, pixels) in enumerate(shown):

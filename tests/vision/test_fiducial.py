@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.vision.images.not_seen import NotSeen
-from nico_selfmodel.vision.markers.fiducial import find_fiducial, find_fiducials
+from nico_selfmodel.vision.markers.fiducial import FiducialSearch
 from nico_selfmodel.vision.markers.fiducial_family import FiducialFamily
 
 from .rendering import random_view, render_marker
@@ -21,7 +21,7 @@ def located(april_tags):
     for k in range(100):
         H = random_view(rng, rng.uniform(25, 120), (224, 220))
         truth = render_marker(april_tags, k, H, rng, image_size=(224, 220))
-        (seen,) = find_fiducials(truth.image, mirrors=False)
+        (seen,) = FiducialSearch.of(truth.image, mirrors=False).seen
         assert (seen.id, seen.mirrored) == (k, False)
         centers.append(seen.center - truth.center)
         corners.append(seen.corners - truth.points)
@@ -47,7 +47,7 @@ def test_markers_of_every_family_are_read(name):
     rng = np.random.default_rng(1)
     marker = 21
     truth = render_marker(family.dictionary, marker, random_view(rng, 80, (320, 240)), rng)
-    seen = find_fiducial(truth.image, name, marker)
+    seen = FiducialSearch.of(truth.image, name).one(marker)
     assert seen.family == name
     assert seen.corners == pytest.approx(truth.points, abs=0.2)
     assert seen.center == pytest.approx(truth.center, abs=0.1)
@@ -57,7 +57,7 @@ def test_a_marker_in_a_mirror_is_known_and_located_where_it_is_seen(april_tags):
     rng = np.random.default_rng(2)
     for marker in range(8):
         truth = render_marker(april_tags, marker, random_view(rng, 60, (320, 240)), rng)
-        (seen,) = find_fiducials(np.ascontiguousarray(truth.image[:, ::-1]))
+        (seen,) = FiducialSearch.of(np.ascontiguousarray(truth.image[:, ::-1])).seen
         assert (seen.id, seen.mirrored) == (marker, True)
         # The printed corners keep their names; an integer pixel is its centre.
         flipped = truth.points * (-1, 1) + (319, 0)
@@ -69,14 +69,14 @@ def test_a_marker_and_its_reflection_are_both_reported(april_tags):
     rng = np.random.default_rng(3)
     image = render_marker(april_tags, 4, random_view(rng, 50, (320, 240)), rng).image
     both = np.hstack([image, image[:, ::-1]])
-    direct, reflected = find_fiducials(both)
+    direct, reflected = FiducialSearch.of(both).seen
     assert (direct.id, direct.mirrored) == (4, False)
     assert (reflected.id, reflected.mirrored) == (4, True)
     assert direct.center + reflected.center * (1, 0) == pytest.approx(
         (both.shape[1] - 1, direct.center[1]), abs=0.1
     )
-    assert find_fiducial(both, mirrored=True).center == pytest.approx(reflected.center)
-    ambiguous = find_fiducial(both, marker=4)
+    assert FiducialSearch.of(both).one(mirrored=True).center == pytest.approx(reflected.center)
+    ambiguous = FiducialSearch.of(both).one(marker=4)
     assert isinstance(ambiguous, NotSeen)
     assert "4, 4 (mirrored) were seen" in ambiguous.reason
 
@@ -85,7 +85,7 @@ def test_small_markers_are_read_from_the_enlarged_image(april_tags):
     rng = np.random.default_rng(4)
     H = random_view(rng, 18, (160, 120), tilt=0.3)
     truth = render_marker(april_tags, 9, H, rng, image_size=(160, 120))
-    seen = find_fiducial(truth.image)
+    seen = FiducialSearch.of(truth.image).one()
     assert seen.id == 9
     assert seen.center == pytest.approx(truth.center, abs=0.3)
 
@@ -97,7 +97,7 @@ def test_a_finger_over_an_edge_does_not_pull_the_centre(april_tags):
     image = truth.image.copy()
     side = 0.5 * (truth.points[0] + truth.points[1])
     cv2.circle(image, tuple(int(x) for x in np.rint(side)), 7, (120, 150, 190), -1)
-    seen = find_fiducial(image)
+    seen = FiducialSearch.of(image).one()
     assert seen.id == 6
     assert seen.center == pytest.approx(truth.center, abs=0.3)
 
@@ -107,25 +107,25 @@ def test_a_marker_half_out_of_view_or_absent_is_not_seen(april_tags, draw_scene)
     truth = render_marker(april_tags, 2, random_view(rng, 80, (320, 240), tilt=0.1), rng)
     cut = truth.image[:, round(truth.center[0]) :]
     for image in (cut, draw_scene(), np.full((240, 320), 255, np.uint8)):
-        seen = find_fiducial(image)
+        seen = FiducialSearch.of(image).one()
         assert isinstance(seen, NotSeen)
         assert "no apriltag_36h11 marker" in seen.reason
-        assert find_fiducials(image) == ()
+        assert FiducialSearch.of(image).seen == ()
 
 
 def test_an_over_exposed_marker_is_not_seen(april_tags):
     rng = np.random.default_rng(7)
     truth = render_marker(april_tags, 2, random_view(rng, 80, (320, 240)), rng)
     burnt = np.clip(truth.image.astype(int) * 8, 0, 255).astype(np.uint8)
-    assert isinstance(find_fiducial(burnt), NotSeen)
+    assert isinstance(FiducialSearch.of(burnt).one(), NotSeen)
 
 
 def test_the_wrong_id_is_not_seen_and_the_right_one_is_named(april_tags):
     rng = np.random.default_rng(8)
     image = render_marker(april_tags, 5, random_view(rng, 80, (320, 240)), rng).image
-    assert find_fiducial(image, marker=3).reason == "no apriltag_36h11 marker 3; 5 seen"
-    assert "in a mirror" in find_fiducial(image, marker=5, mirrored=True).reason
-    assert find_fiducial(image, "aruco_6x6_250").reason == "no aruco_6x6_250 marker"
+    assert FiducialSearch.of(image).one(marker=3).reason == "no apriltag_36h11 marker 3; 5 seen"
+    assert "in a mirror" in FiducialSearch.of(image).one(marker=5, mirrored=True).reason
+    assert FiducialSearch.of(image, "aruco_6x6_250").one().reason == "no aruco_6x6_250 marker"
 
 
 def test_markers_that_are_their_own_mirror_images_are_known():
@@ -137,10 +137,10 @@ def test_markers_that_are_their_own_mirror_images_are_known():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda image: find_fiducials(image, "apriltag"), "There are apriltag_25h9"),
-        (lambda image: find_fiducial(image, marker=587), "ids 0 to 586, got 587"),
-        (lambda image: find_fiducials(image.astype(float)), "8 bits"),
-        (lambda image: find_fiducials(image[..., :2]), "shape"),
+        (lambda image: FiducialSearch.of(image, "apriltag").seen, "There are apriltag_25h9"),
+        (lambda image: FiducialSearch.of(image).one(marker=587), "ids 0 to 586, got 587"),
+        (lambda image: FiducialSearch.of(image.astype(float)).seen, "8 bits"),
+        (lambda image: FiducialSearch.of(image[..., :2]).seen, "shape"),
     ],
 )
 def test_wrong_arguments_are_refused(call, message, draw_scene):

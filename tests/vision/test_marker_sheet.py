@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.vision.images.image_file import read_image
-from nico_selfmodel.vision.markers.fiducial import find_fiducials
+from nico_selfmodel.vision.markers.fiducial import FiducialSearch
 from nico_selfmodel.vision.markers.marker_sheet import MarkerSheet, parse_ids
 
 
@@ -17,7 +17,7 @@ def test_the_markers_of_a_printed_sheet_are_read_at_their_exact_size(tmp_path):
     image = cv2.resize(
         read_image(tmp_path / "sheet.png"), None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA
     )
-    seen = find_fiducials(image)
+    seen = FiducialSearch.of(image).seen
     assert [item.id for item in seen] == [0, 3, 7, 12, 586]
     sides = np.linalg.norm(np.diff([item.corners for item in seen], axis=1), axis=2)
     assert sides * 25.4 / 150 == pytest.approx(np.full((5, 3), 30.0), abs=0.045)  # a pixel of it

@@ -19,7 +19,7 @@ from nico_selfmodel.vision.color.color_blob import color_blobs, find_color_blob
 from nico_selfmodel.vision.color.color_model import ColorModel
 from nico_selfmodel.vision.images.image_file import read_image
 from nico_selfmodel.vision.images.picture_header import MOST_PIXELS, check_header
-from nico_selfmodel.vision.markers.fiducial import find_fiducials
+from nico_selfmodel.vision.markers.fiducial import FiducialSearch
 
 from ..slow_rest import slow_rest
 
@@ -142,7 +142,7 @@ def test_a_picture_too_narrow_to_see_in_is_refused_by_name(tmp_path, command, wi
 def test_detectors_say_what_size_they_need(shape):
     image = np.zeros((*shape, 3), dtype=np.uint8)
     for look in (
-        lambda: find_fiducials(image),
+        lambda: FiducialSearch.of(image).seen,
         lambda: find_chessboard(image, Board(9, 6, 0.025)),
         lambda: size_of_board(image),
         lambda: find_color_blob(image, RED),
@@ -167,7 +167,7 @@ def test_no_detector_takes_long_over_noise(megapixels):
     height = int((1e6 * megapixels / 1.5) ** 0.5)
     noise = np.random.default_rng(1).integers(0, 256, (height, height * 3 // 2, 3), dtype=np.uint8)
     for look in (
-        lambda: find_fiducials(noise),
+        lambda: FiducialSearch.of(noise).seen,
         lambda: find_chessboard(noise, Board(9, 6, 0.025)),
         lambda: size_of_board(noise),
         lambda: find_color_blob(noise, RED),

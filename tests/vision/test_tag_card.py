@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.vision.markers.fiducial import find_fiducials
+from nico_selfmodel.vision.markers.fiducial import FiducialSearch
 from nico_selfmodel.vision.markers.tag_card import TagCard, markers_of
 from nico_selfmodel.vision.printed_pattern import card_png
 
@@ -15,7 +15,7 @@ def test_a_printed_card_shows_each_marker_where_it_says():
     picture = cv2.imdecode(np.frombuffer(card_png(card), np.uint8), cv2.IMREAD_GRAYSCALE)
     height, width = picture.shape
     assert height / width == pytest.approx(card.size[1] / card.size[0])
-    found = {item.id: item.center for item in find_fiducials(picture, mirrors=False)}
+    found = {item.id: item.center for item in FiducialSearch.of(picture, mirrors=False).seen}
     assert sorted(found) == list(card.ids) == list(range(20, 26))
     x, y = (card.p_KT - card.middle)[:, :2].T * width / card.size[0]
     expected = np.column_stack([x, -y]) + 0.5 * np.array([width - 1, height - 1])

@@ -21,11 +21,12 @@ from nico_selfmodel.servos.arm_state import ArmState
 from nico_selfmodel.servos.bus_settings import BusSettings
 from nico_selfmodel.servos.drivers import driver_of
 from nico_selfmodel.servos.ports import PortLostError
+from nico_selfmodel.with_blocks import ClosedAtEnd
 
 _STALE = 0.1
 
 
-class ArmController:
+class ArmController(ClosedAtEnd):
     """Drives the joints of a configuration. Making one sends nothing, connecting moves nothing.
 
     Nothing here waits for a motion: `move` and `command` set goals, and each `cycle` reads every
@@ -92,12 +93,6 @@ class ArmController:
         settings = settings or BusSettings(latency=config.latency)
         bus = driver_of(config.make).open(port, config, settings)
         return cls(bus, config, servos, trust_zero=trust_zero)
-
-    def __enter__(self) -> "ArmController":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -9,9 +9,10 @@ from nico_selfmodel.estimation.contingency.image_witness import HandImages
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.systems.rendering.mirror_scene import put_mirror
+from nico_selfmodel.systems.stations.nico_detectors import FIDUCIALS
 from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
-from nico_selfmodel.systems.tracking.reflection_detectors import fiducial_in_mirror
+from nico_selfmodel.systems.tracking.shared_search import fiducials_in_mirror
 from nico_selfmodel.vision.images.not_seen import NotSeen
 
 _MARKER = "fiducial"
@@ -43,7 +44,7 @@ def watch_images(
     body = StationBody(station, station.joints, station.tracked)
     put_mirror(station, body.context, X_BM)
     station.stand_other(body.context, X_WO)
-    find = [fiducial_in_mirror(camera=camera) for camera in model.rig.cameras]
+    find = fiducials_in_mirror({_MARKER: FIDUCIALS["right"]}, {}, rig=model.rig)[_MARKER]
     readings, pixels, mirrored = [], [], []
     for command in commands:
         if len(pixels) >= enough:

@@ -1,6 +1,6 @@
 """Two real cameras as a Drake system with the output ports of `StereoCameras`."""
 
-from typing import Any, Self
+from typing import Any
 
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, EventStatus, LeafSystem, State
@@ -9,9 +9,10 @@ from nico_selfmodel.errors import RobotError
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.systems.image_values import image_value, write_bgr
 from nico_selfmodel.vision.images.stereo_capture import StereoCapture, StereoPair
+from nico_selfmodel.with_blocks import OpenedAtStart
 
 
-class CameraDriver(LeafSystem):
+class CameraDriver(OpenedAtStart, LeafSystem):
     """Shows what two cameras see, always the newest pair of pictures.
 
     | port | | carries |
@@ -51,13 +52,6 @@ class CameraDriver(LeafSystem):
                 lambda context, value, camera=camera: self._show(context, value, camera),
                 prerequisites_of_calc=known,
             )
-
-    def __enter__(self) -> Self:
-        self.open()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def open(self) -> None:
         """Open both cameras and wait for their first pictures.

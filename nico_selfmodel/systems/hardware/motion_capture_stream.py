@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import RobotError
+from nico_selfmodel.with_blocks import ClosedAtEnd
 
 FORMAT = "nico-motion-capture/1"
 LOOPBACK = "127.0.0.1"
@@ -46,7 +47,7 @@ class MarkerFrame:
     """Measured position of each marker in the tracker's frame [m], None where it was lost."""
 
 
-class MotionCaptureServer:
+class MotionCaptureServer(ClosedAtEnd):
     """Hands frames to whoever has connected. Close it, or use it in a `with` block."""
 
     def __init__(self, markers: Sequence[str], host: str = LOOPBACK, port: int = 0) -> None:
@@ -112,12 +113,6 @@ class MotionCaptureServer:
             for client in self._clients:
                 client.finish()
 
-    def __enter__(self) -> "MotionCaptureServer":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def _broadcast(self, message: Mapping[str, object]) -> None:
         line = (json.dumps(message, allow_nan=False) + "\n").encode()
         with self._lock:
@@ -180,7 +175,7 @@ class _Client:
                 return
 
 
-class MotionCaptureClient:
+class MotionCaptureClient(ClosedAtEnd):
     """Receives frames. Close it, or use it in a `with` block."""
 
     def __init__(self, address: tuple[str, int], timeout: float = 5.0) -> None:
@@ -245,12 +240,6 @@ class MotionCaptureClient:
     def close(self) -> None:
         """Hang up."""
         self._connection.close()
-
-    def __enter__(self) -> "MotionCaptureClient":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _more(self) -> bool:
         """Take what has arrived without waiting; tell whether a whole line is there."""

@@ -1,7 +1,6 @@
 """The servos of an arm as a Drake system: a thread owns the bus, the diagram copies its news."""
 
 from collections.abc import Callable
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from nico_selfmodel.servos import ArmController, ArmLoop, ServoConfig
 from nico_selfmodel.servos.arm.pose_limits import PoseLimits
 from nico_selfmodel.servos.arm_state import ArmState
 from nico_selfmodel.servos.bus_settings import BusSettings
+from nico_selfmodel.with_blocks import OpenedAtStart
 
 PERIOD = 0.02
 """Time between two looks at what the bus thread knows [s]."""
@@ -27,7 +27,7 @@ _STALE = 0.5
 _AGE, _VALID = (ArmState.ROWS.index(name) for name in ("age", "valid"))
 
 
-class ServoDriver(LeafSystem):
+class ServoDriver(OpenedAtStart, LeafSystem):
     """Drives the joints of a servo configuration, in their order.
 
     | port | | carries |
@@ -101,13 +101,6 @@ class ServoDriver(LeafSystem):
         self.DeclareAbstractOutputPort(
             "status", lambda: AbstractValue.Make(()), self._describe, known
         )
-
-    def __enter__(self) -> Self:
-        self.open()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     @property
     def is_open(self) -> bool:

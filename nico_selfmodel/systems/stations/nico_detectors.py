@@ -8,7 +8,6 @@ from nico_selfmodel.systems.tracking.hand_tracker import (
     Detectors,
     MirrorDetectors,
     color_detector,
-    fiducial_detector,
 )
 from nico_selfmodel.systems.tracking.shared_search import fiducial_detectors, fiducials_in_mirror
 from nico_selfmodel.vision.markers.tag_card import TagCard, markers_of
@@ -23,9 +22,8 @@ def default_detectors(rig: StereoRig | None = None) -> Detectors:
     Args:
         rig: The calibrated cameras, whose lenses are then taken out before fiducials are located.
     """
-    cameras = (None, None) if rig is None else rig.cameras
-    left, right = (fiducial_detector(camera=camera) for camera in cameras)
-    return {"fiducial": (left, right), "finger_tip": color_detector()}
+    fiducial = fiducial_detectors({"fiducial": FIDUCIAL_ID}, rig=rig)
+    return {**fiducial, "finger_tip": color_detector()}
 
 
 def body_detectors() -> Detectors:

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import Self
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -21,6 +20,7 @@ from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.stations.nico_detectors import default_detectors
 from nico_selfmodel.systems.stations.station_body import SettleTimeouts, StationBody
 from nico_selfmodel.systems.tracking.hand_tracker import Detectors, HandTracker
+from nico_selfmodel.with_blocks import OpenedAtStart
 
 REAL = SettleTimeouts(
     settle=0.4, dither=2e-4, astray=0.02, timeout=60.0, look_again=1.0, real_time=True
@@ -28,7 +28,7 @@ REAL = SettleTimeouts(
 """How long a body of real servos is waited for."""
 
 
-class NicoHardwareStation(Diagram):
+class NicoHardwareStation(OpenedAtStart, Diagram):
     """The real Nico, with the ports of the simulated one.
 
     | port | | carries |
@@ -96,13 +96,6 @@ class NicoHardwareStation(Diagram):
             builder.ExportOutput(tracker.GetOutputPort(port), port)
         builder.BuildInto(self)
         self.set_name("nico")
-
-    def __enter__(self) -> Self:
-        self.open()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def open(self) -> tuple[str, ...]:
         """Open servos and cameras. Switches nothing on, moves nothing.

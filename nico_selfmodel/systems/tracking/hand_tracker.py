@@ -8,15 +8,11 @@ from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem, ValueProducer
 
-from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.systems.image_values import bgr_of, image_value
 from nico_selfmodel.vision.color.color_blob import find_color_blob
 from nico_selfmodel.vision.color.color_model import ColorModel
 from nico_selfmodel.vision.images.not_seen import NotSeen
-from nico_selfmodel.vision.markers.fiducial import find_fiducial
-from nico_selfmodel.vision.markers.fiducial_behind_lens import center_behind_lens
-from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY
 
 Detector = Callable[[NDArray], NDArray | NotSeen]
 """From a picture (BGR, 8 bits, shape (h, w, 3)) to a pixel (u, v), or why there is none."""
@@ -34,29 +30,6 @@ RED_TAPE = ColorModel("red", (20.0, 20.0), 0.0, 20.0, 0.5, least_area_px=25.0)
 """Nico's red tape in the light of the simulated room."""
 FIDUCIAL_ID = 7
 """Which marker of the family is printed for Nico's hand."""
-
-
-def fiducial_detector(
-    marker: int = FIDUCIAL_ID, family: str = DEFAULT_FAMILY, camera: Camera | None = None
-) -> Detector:
-    """Return a detector of the centre of a square marker.
-
-    Args:
-        marker: Its id.
-        family: Its family.
-        camera: The calibrated camera, whose lens is then taken out before the centre is located.
-
-    Returns:
-        What finds the centre in a picture.
-    """
-
-    def detect(image: NDArray) -> NDArray | NotSeen:
-        found = find_fiducial(image, family, marker, mirrored=False)
-        if isinstance(found, NotSeen):
-            return found
-        return found.center if camera is None else center_behind_lens(image, found, camera)
-
-    return detect
 
 
 def color_detector(model: ColorModel = RED_TAPE) -> Detector:

@@ -5,12 +5,9 @@ colour does not: the body must know where its hand should be seen, and what else
 the reflection.
 """
 
-from collections.abc import Iterable
-
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.systems.tracking.hand_tracker import (
     FIDUCIAL_ID,
@@ -19,63 +16,13 @@ from nico_selfmodel.systems.tracking.hand_tracker import (
     MirrorDetector,
     MirrorDetectors,
 )
+from nico_selfmodel.systems.tracking.shared_search import fiducials_in_mirror
 from nico_selfmodel.vision.color.color_blob import ColorBlob, color_blobs
 from nico_selfmodel.vision.color.color_model import ColorModel
 from nico_selfmodel.vision.images.not_seen import NotSeen
-from nico_selfmodel.vision.markers.fiducial import Fiducial, find_fiducials
-from nico_selfmodel.vision.markers.fiducial_behind_lens import center_behind_lens
-from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY, FiducialFamily
 
 _GATE = 40.0
 """A patch farther from where the hand is expected is not the hand [px]."""
-
-
-def fiducial_in_mirror(
-    marker: int = FIDUCIAL_ID, family: str = DEFAULT_FAMILY, camera: Camera | None = None
-) -> MirrorDetector:
-    """Return a detector of the centres of a square marker and of its reflection.
-
-    Args:
-        marker: Its id.
-        family: Its family.
-        camera: The calibrated camera, whose lens is then taken out before a centre is located.
-
-    Returns:
-        What finds both, wherever they are expected.
-
-    Raises:
-        ValueError: If the marker looks in a mirror like one of its own family.
-    """
-    refuse_twins([marker], family)
-
-    def detect(image: NDArray, expected: NDArray) -> tuple[Found, Found]:
-        seen = [item for item in find_fiducials(image, family) if item.id == marker]
-        direct, reflected = (
-            _only([item for item in seen if item.mirrored == mirrored], mirrored)
-            for mirrored in (False, True)
-        )
-        return _center(image, direct, camera), _center(image, reflected, camera)
-
-    return detect
-
-
-def refuse_twins(markers: Iterable[int], family: str = DEFAULT_FAMILY) -> None:
-    """Refuse markers that look in a mirror like one of their own family.
-
-    Args:
-        markers: Their ids.
-        family: Their family.
-
-    Raises:
-        ValueError: If one does.
-    """
-    twins = FiducialFamily(family).mirror_twins
-    for marker in markers:
-        if marker in twins:
-            raise ValueError(
-                f"the reflection of marker {marker} of {family} can be read as a marker: take "
-                "another"
-            )
 
 
 def color_in_mirror(model: ColorModel = RED_TAPE, gate: float = _GATE) -> MirrorDetector:
@@ -118,28 +65,14 @@ def default_mirror_detectors(rig: StereoRig | None = None) -> MirrorDetectors:
     Args:
         rig: The calibrated cameras, whose lenses are then taken out before fiducials are located.
     """
-    cameras = (None, None) if rig is None else rig.cameras
-    left, right = (fiducial_in_mirror(camera=camera) for camera in cameras)
-    return {"fiducial": (left, right), "finger_tip": color_in_mirror()}
+    fiducial = fiducials_in_mirror({"fiducial": FIDUCIAL_ID}, {}, rig=rig)
+    return {**fiducial, "finger_tip": color_in_mirror()}
 
 
 def _in_view(expected: NDArray, shape: tuple[int, ...], gate: float) -> bool:
     """Return whether a patch that is expected somewhere may show in a picture."""
     far = np.array(shape[1::-1]) - 1.0 + gate
     return bool(((expected >= -gate) & (expected <= far)).all())
-
-
-def _only(found: list[Fiducial], mirrored: bool) -> Fiducial | NotSeen:
-    where = "in a mirror" if mirrored else "outside a mirror"
-    if len(found) == 1:
-        return found[0]
-    return NotSeen(f"{len(found)} such markers {where}" if found else f"no such marker {where}")
-
-
-def _center(image: NDArray, found: Fiducial | NotSeen, camera: Camera | None) -> Found:
-    if isinstance(found, NotSeen):
-        return found
-    return found.center if camera is None else center_behind_lens(image, found, camera)
 
 
 def _patch(blobs: list[ColorBlob]) -> Found:

@@ -1,6 +1,6 @@
 """Detectors of many markers of one family that share one search of each picture."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from numpy.typing import NDArray
 
@@ -8,12 +8,9 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.systems.tracking.hand_tracker import (
     Detector,
-    Detectors,
     Found,
     MirrorDetector,
-    MirrorDetectors,
 )
-from nico_selfmodel.systems.tracking.reflection_detectors import refuse_twins
 from nico_selfmodel.vision.images.not_seen import NotSeen
 from nico_selfmodel.vision.markers.fiducial import Fiducial, FiducialSearch
 from nico_selfmodel.vision.markers.fiducial_behind_lens import (
@@ -29,7 +26,7 @@ def fiducial_detectors(
     *,
     family: str = DEFAULT_FAMILY,
     rig: StereoRig | None = None,
-) -> Detectors:
+) -> dict[str, tuple[Detector, Detector]]:
     """Return detectors of square markers, which search a picture once for all.
 
     Args:
@@ -52,7 +49,7 @@ def fiducials_in_mirror(
     *,
     family: str = DEFAULT_FAMILY,
     rig: StereoRig | None = None,
-) -> MirrorDetectors:
+) -> dict[str, tuple[MirrorDetector, MirrorDetector]]:
     """Return detectors of the same, and of their reflections.
 
     Args:
@@ -65,7 +62,7 @@ def fiducials_in_mirror(
         ValueError: If there is no such family or id, or one looks in a mirror like another.
     """
     wanted = _wanted(centers, corners, family)
-    refuse_twins((marker for marker, _ in wanted.values()), family)
+    _refuse_twins((marker for marker, _ in wanted.values()), family)
     left, right = _searches(family, rig, mirrors=True)
     return {
         name: (left.in_mirror(*which), right.in_mirror(*which)) for name, which in wanted.items()
@@ -83,6 +80,17 @@ def _wanted(
     for marker, _ in wanted.values():
         known.pattern(marker)
     return wanted
+
+
+def _refuse_twins(markers: Iterable[int], family: str) -> None:
+    """Refuse markers that look in a mirror like one of their own family."""
+    twins = FiducialFamily(family).mirror_twins
+    for marker in markers:
+        if marker in twins:
+            raise ValueError(
+                f"the reflection of marker {marker} of {family} can be read as a marker: take "
+                "another"
+            )
 
 
 def _searches(

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
 
 from numpy.typing import NDArray
 
@@ -19,6 +18,7 @@ from nico_selfmodel.vision.images.picture_sources import (
     Size,
     opener,
 )
+from nico_selfmodel.with_blocks import OpenedAtStart
 
 _KEPT = 4
 """Pictures of each camera that wait for a partner; older ones are dropped."""
@@ -45,7 +45,7 @@ class _Picture:
     image: NDArray
 
 
-class StereoCapture:
+class StereoCapture(OpenedAtStart):
     """Reads two sources, each in a thread of its own, and keeps only what is newest.
 
     Making one opens nothing. `open` waits for the first pair; `close` frees the devices.
@@ -85,13 +85,6 @@ class StereoCapture:
         self._sources = (left, right)
         self._cameras: list[_Camera] = []
         self._last: StereoPair | None = None
-
-    def __enter__(self) -> Self:
-        self.open()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     @property
     def is_open(self) -> bool:

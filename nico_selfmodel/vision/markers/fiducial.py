@@ -32,72 +32,6 @@ class Fiducial:
     """True if this is a reflection."""
 
 
-def find_fiducials(
-    image: NDArray, family: FiducialFamily | str = DEFAULT_FAMILY, *, mirrors: bool = True
-) -> tuple[Fiducial, ...]:
-    """Find all markers of a family, those that are seen in a mirror too.
-
-    OpenCV finds and reads the markers; the corners are then located from the edges (OpenCV's own
-    refinement of AprilTags is off by 0.45 px). Reflections are read in the flipped image. An image
-    of up to 8 megapixels in which nothing is found is searched again at twice its size, which small
-    markers need. A marker in `FiducialFamily.mirror_twins` counts as seen directly.
-
-    Args:
-        image: Grey or BGR, 8 bits. Shape (h, w) or (h, w, 3).
-        family: The family or its name.
-        mirrors: Look for reflections too, which takes about twice the time.
-
-    Returns:
-        The markers, direct ones first, by id; none if none is seen.
-
-    Raises:
-        ValueError: If the image has another shape or type, or there is no such family.
-    """
-    return _search(detectable(image), _family(family), mirrors=mirrors)[0]
-
-
-def fiducials_or_reason(
-    image: NDArray, family: FiducialFamily | str = DEFAULT_FAMILY
-) -> tuple[Fiducial, ...] | NotSeen:
-    """Find all markers of a family as `find_fiducials` does, or say why there is none.
-
-    Raises:
-        ValueError: If the image has another shape or type, or there is no such family.
-    """
-    family = _family(family)
-    seen, blurred = _search(detectable(image), family, mirrors=True)
-    return seen or NotSeen(f"no {family.name} marker" + (f"; {blurred}" if blurred else ""))
-
-
-def find_fiducial(
-    image: NDArray,
-    family: FiducialFamily | str = DEFAULT_FAMILY,
-    marker: int | None = None,
-    *,
-    mirrored: bool | None = None,
-) -> Fiducial | NotSeen:
-    """Find one marker.
-
-    Args:
-        image: Grey or BGR, 8 bits. Shape (h, w) or (h, w, 3).
-        family: The family or its name.
-        marker: Its id; None if there is only one marker to see.
-        mirrored: Whether to look for a reflection; None if either will do.
-
-    Returns:
-        The marker, or why there is none or no telling which.
-
-    Raises:
-        ValueError: If the image has another shape or type, or there is no such family or id.
-    """
-    family = _family(family)
-    if marker is not None:
-        family.pattern(marker)
-    return FiducialSearch.of(image, family, mirrors=mirrored is not False).one(
-        marker, mirrored=mirrored
-    )
-
-
 @dataclass(frozen=True, eq=False)
 class FiducialSearch:
     """What was found in one image, to be asked for one marker after the other."""
@@ -113,7 +47,18 @@ class FiducialSearch:
     def of(
         cls, image: NDArray, family: FiducialFamily | str = DEFAULT_FAMILY, *, mirrors: bool = True
     ) -> "FiducialSearch":
-        """Search an image as `find_fiducials` does.
+        """Find all markers of a family, those that are seen in a mirror too.
+
+        OpenCV finds and reads the markers; the corners are then located from the edges (OpenCV's
+        own refinement of AprilTags is off by 0.45 px). Reflections are read in the flipped image.
+        An image of up to 8 megapixels in which nothing is found is searched again at twice its
+        size, which small markers need. A marker in `FiducialFamily.mirror_twins` counts as seen
+        directly.
+
+        Args:
+            image: Grey or BGR, 8 bits. Shape (h, w) or (h, w, 3).
+            family: The family or its name.
+            mirrors: Look for reflections too, which takes about twice the time.
 
         Raises:
             ValueError: If the image has another shape or type, or there is no such family.
@@ -121,8 +66,23 @@ class FiducialSearch:
         family = _family(family)
         return cls(family.name, *_search(detectable(image), family, mirrors=mirrors))
 
+    @property
+    def found(self) -> tuple[Fiducial, ...] | NotSeen:
+        """All markers, or why there is none."""
+        return self.seen or self._none(f"{self.family} marker")
+
     def one(self, marker: int | None = None, *, mirrored: bool | None = None) -> Fiducial | NotSeen:
-        """Return one marker, or why there is none or no telling which; as `find_fiducial`."""
+        """Return one marker, or why there is none or no telling which.
+
+        Args:
+            marker: Its id; None if there is only one marker to see.
+            mirrored: Whether to look for a reflection; None if either will do.
+
+        Raises:
+            ValueError: If the family has no such id.
+        """
+        if marker is not None:
+            FiducialFamily(self.family).pattern(marker)
         seen = self.seen
         wanted = [
             item
@@ -135,8 +95,10 @@ class FiducialSearch:
             return NotSeen(f"{_names(wanted)} were seen: say which one is meant")
         what = f"{self.family} marker" + ("" if marker is None else f" {marker}")
         what += {None: "", True: " in a mirror", False: " outside a mirror"}[mirrored]
-        others = f"; {_names(seen)} seen" if seen else ""
-        return NotSeen(f"no {what}{others}" + (f"; {self.blurred}" if self.blurred else ""))
+        return self._none(what + (f"; {_names(seen)} seen" if seen else ""))
+
+    def _none(self, what: str) -> NotSeen:
+        return NotSeen(f"no {what}" + (f"; {self.blurred}" if self.blurred else ""))
 
 
 def _family(family: FiducialFamily | str) -> FiducialFamily:

@@ -8,6 +8,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pydrake.geometry import Meshcat
 
 from nico_selfmodel.viz.scene.surroundings import ASPECT, NIGHT_SCRIPT
+from nico_selfmodel.with_blocks import ClosedAtEnd
 
 PANEL_PX, NARROW_PX = 350, 700
 """Width of the sliders; below which width of the window they stand under the picture [px]."""
@@ -71,7 +72,7 @@ _WHOLE = f"""
 _VIEWPORT = '<head><meta name="viewport" content="width=device-width, initial-scale=1">'
 
 
-class LivePage:
+class LivePage(ClosedAtEnd):
     """Serves Meshcat's page with its sliders open, to this machine alone.
 
     Drake's own page begins with them closed, and over the picture; nothing that it can be told
@@ -98,14 +99,6 @@ class LivePage:
         self._server.shutdown()
         self._server.server_close()
         self._thread.join()
-
-    def __enter__(self) -> "LivePage":
-        """Serve for the time of a block."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Stop serving."""
-        self.close()
 
 
 def opened(page: str, address: str) -> str:

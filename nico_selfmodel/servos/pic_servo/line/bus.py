@@ -24,6 +24,7 @@ from nico_selfmodel.servos.pic_servo.protocol.status import (
 )
 from nico_selfmodel.servos.pic_servo.protocol.trajectory import TICK
 from nico_selfmodel.servos.ports import Port, SerialPort
+from nico_selfmodel.with_blocks import ClosedAtEnd
 
 FLUSH = bytes(30)
 """Longer than the rest of any packet: ends a half-heard one with a wrong checksum."""
@@ -34,7 +35,7 @@ class UncertainError(BusError):
     """The reply to a command that must not be repeated was lost: it may have been carried out."""
 
 
-class Bus:
+class Bus(ClosedAtEnd):
     """Exchanges with modules, one at a time, from any thread."""
 
     def __init__(self, port: Port, settings: BusSettings | None = None) -> None:
@@ -65,12 +66,6 @@ class Bus:
             PortLostError: If the port cannot be opened; says why.
         """
         return cls(SerialPort(name, rate), settings)
-
-    def __enter__(self) -> "Bus":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Give the port back; never fails."""
