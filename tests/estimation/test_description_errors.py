@@ -1,14 +1,21 @@
 """How far a described robot is off is told by the data, and so is what only it tells."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from nico_selfmodel.estimation.judging import result_of
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
-from nico_selfmodel.estimation.tree.tree_priors import BEFOREHAND, likeliest_priors
-from nico_selfmodel.estimation.tree.tree_setup import Alike, Description, robot_sigmas_of
+from nico_selfmodel.estimation.tree.tree_findings import described_words
+from nico_selfmodel.estimation.tree.tree_priors import BEFOREHAND, expected_priors
+from nico_selfmodel.estimation.tree.tree_setup import (
+    DESCRIBED,
+    Alike,
+    Description,
+    robot_sigmas_of,
+)
 from nico_selfmodel.model.tree.body_tree import BodyTree
 
 from .simulated_trees import one_arm, turned
@@ -26,7 +33,7 @@ def asked(seed, turn, place, noise=1e-3, told=slice(None)):
     u = -U @ off + rng.normal(size=200)
     priors = {name: (0.0, group.sigma) for group in (TURNS, PLACES) for name in group.names}
     values = dict.fromkeys(NAMES, 0.0)
-    found = likeliest_priors(priors, (TURNS, PLACES), NAMES, values, (U, u))
+    found = expected_priors(priors, (TURNS, PLACES), NAMES, values, (U, u))
     assert set(found) == set(priors)
     assert len({found[name] for name in TURNS.names}) == 1
     return found[NAMES[0]][1], found[NAMES[25]][1]
@@ -58,10 +65,34 @@ def test_parameters_without_such_priors_keep_theirs():
     rng = np.random.default_rng(1)
     U, u = rng.normal(size=(80, 60)), rng.normal(size=80)
     priors = {"p0": (0.0, 1.0), "p55": (0.2, 0.5)}
-    found = likeliest_priors(priors, (TURNS,), NAMES, dict.fromkeys(NAMES, 0.0), (U, u))
+    found = expected_priors(priors, (TURNS,), NAMES, dict.fromkeys(NAMES, 0.0), (U, u))
     assert found["p55"] == (0.2, 0.5)
     assert found["p0"] != (0.0, 1.0)
-    assert likeliest_priors(priors, (), NAMES, dict.fromkeys(NAMES, 0.0), (U, u)) == priors
+    assert expected_priors(priors, (), NAMES, dict.fromkeys(NAMES, 0.0), (U, u)) == priors
+
+
+@pytest.mark.parametrize("few", [1, 2, 3, 6])
+def test_what_only_a_description_tells_is_off_as_far_as_is_claimed_be_few_parts_told(few):
+    told = [asked(seed, 0.0173, 0.0058, told=slice(0, few))[0] for seed in range(200)]
+    # A part that nothing tells is off by 0.0173.
+    assert 0.6 < np.mean((0.0173 / np.array(told)) ** 2) < 1.3
+
+
+@pytest.mark.parametrize(("each", "said"), [(9.9, True), (10.1, False)])
+def test_few_told_parts_of_a_description_that_alone_tells_lengths_are_a_warning(each, said):
+    places = tuple(f"j{k}.x" for k in range(20))
+    left = 1e-4 * (1.0 - each / 20.0) * np.eye(20)
+    problem = SimpleNamespace(priors=dict.fromkeys(places, (0.0, 0.01)))
+    calibration = SimpleNamespace(
+        setup=SimpleNamespace(scale_from=DESCRIBED, alike=(Alike((), 0.03), Alike(places, 0.01))),
+        ladder=SimpleNamespace(solution=SimpleNamespace(problem=problem)),
+        uncertainty=SimpleNamespace(names=places, covariance=left),
+    )
+    words = described_words(calibration)
+    assert len(words) == said
+    assert not said or "tells 9.9 of its 20 places" in words[0]
+    calibration.setup.scale_from = "tracker"
+    assert described_words(calibration) == []
 
 
 def described(sim, seed, degrees, millimetres, **how):

@@ -9,7 +9,7 @@ from nico_selfmodel.dataset.body.body_dataset import ObservationTable
 from nico_selfmodel.dataset.body.joining import joined
 from nico_selfmodel.dataset.body.sensors import MarkerInfo, SensorInfo
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.judging import judge, result_of
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_setup import Description
 from nico_selfmodel.geometry.transform import transform
@@ -17,7 +17,7 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import Attached
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
-from .simulated_trees import LENS, looking_at, observed, one_arm, turned
+from .simulated_trees import LENS, looking_at, observed, one_arm, turned, two_arms
 
 SIGMA = {"camera": 0.3, "points": 1e-4}
 JOINT = np.radians(0.05)
@@ -155,6 +155,23 @@ def test_a_tracker_of_the_same_tags_tells_lenses():
     found = calibrate_tree(data, effects=())
     for camera in ("camera0", "camera1"):
         assert found.tree.lenses[camera].fx == pytest.approx(LENS.fx, rel=0.02)
+
+
+@pytest.mark.slow
+def test_one_camera_tells_an_arm_that_no_tracker_sees_beside_one_that_it_does():
+    seed = 2
+    made = two_arms(seed, poses=70)
+    eyes = replace(made.tree, sensors=made.tree.sensors[:1])
+    rng = np.random.default_rng((seed, 5))
+    q, infos, how = made.readings_true, made.data, {"joint_sigma": JOINT, "sigma": SIGMA}
+    seen = observed(eyes, infos.joints, infos.markers, infos.sensors[:1], q, rng, **how)
+    data, _, _ = tracked(eyes, seen, q, seed)
+    train, test = data.split(0.25, seed=0)
+    found = calibrate_tree(train, test=test, effects=())
+    assert judge(found).status == "PASS", judge(found).reasons
+    assert found.agreeing == 2
+    assert found.noise["camera1"] < 0.33
+    assert result_of(found).test.statistics("px").median < 1.5
 
 
 def test_nothing_tells_the_lens_of_a_camera_that_looks_at_an_unknown_robot():

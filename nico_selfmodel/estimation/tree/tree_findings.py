@@ -23,6 +23,7 @@ from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_en
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.estimation.tree.tree_observations import TURN_NOISE
+from nico_selfmodel.estimation.tree.tree_setup import DESCRIBED
 from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE
 from nico_selfmodel.names import listed
 
@@ -39,6 +40,8 @@ _MOST_SLIPS = 0.02
 least."""
 _LOUD = 2.0
 """Times the noise of others from which on that of a joint is named."""
+_FEWEST_TOLD = 10.0
+"""Parts of a description that tell its standard deviation, to 22 in 100."""
 _OUTLIERS_NAMED = 2
 """Outliers of one marker from which on it is named."""
 SCALE = (
@@ -58,6 +61,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     doubts += [
         *_told_by_no_pose(calibration),
         *_seldom_words(calibration),
+        *described_words(calibration),
         *_alike_words(calibration),
         *_slip_words(calibration),
         *_loose_sigmas(calibration),
@@ -99,6 +103,29 @@ def _seldom_words(calibration: TreeCalibration) -> list[str]:
         f"{'they are' if many else 'it is'}, the rest is learned without: record poses that show "
         f"{'them' if many else 'it'} from other places, or leave {'their' if many else 'its'} rows "
         "out of observations.csv"
+    ]
+
+
+def described_words(calibration: TreeCalibration) -> list[str]:
+    """Say where hardly anything tells how far a description is off that alone tells lengths.
+
+    Of variance v beforehand and c afterwards a part is told by 1 - c / v (MacKay 1992). A variance
+    that few parts tell leaves errors of Student's law, many sigmas long.
+    """
+    setup, priors = calibration.setup, calibration.ladder.solution.problem.priors
+    if setup.scale_from != DESCRIBED or not setup.alike:
+        return []
+    known = calibration.uncertainty
+    left = dict(zip(known.names, np.diag(known.covariance).tolist(), strict=True))
+    places = [name for name in setup.alike[1].names if name in priors]
+    told = sum(max(1.0 - left[name] / priors[name][1] ** 2, 0.0) for name in places)
+    if told >= _FEWEST_TOLD:
+        return []
+    return [
+        f"the robot's description alone tells lengths, and what was recorded tells {told:.1f} of "
+        f"its {len(places)} places, too few to say how far these are off: everything may be larger "
+        "or smaller by many of its standard deviations; record a known distance (`distance_m`), "
+        "let the cameras see more of the body in more poses, or state it (--robot-sigma DEG,MM)"
     ]
 
 

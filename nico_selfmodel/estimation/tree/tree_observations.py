@@ -62,6 +62,11 @@ class SensorRows:
         """Where its scalars are among all."""
         return slice(self.first, self.first + self.measured.size)
 
+    def only(self, own: NDArray, first: int = 0) -> "SensorRows":
+        """Return some of its rows, `first` among all scalars. Boolean, shape (N,)."""
+        keys = ("rows", "pose", "marker", "other", "measured")
+        return replace(self, first=first, **{k: getattr(self, k)[own] for k in keys})
+
 
 @dataclass(frozen=True, eq=False)
 class TreeObservations:
@@ -105,8 +110,7 @@ class TreeObservations:
         for rows in self.sensors:
             own = np.isin(self.data.seen_on[rows.rows], self.data.free_joints)
             if own.any():
-                keys = ("rows", "pose", "marker", "other", "measured")
-                found.append(replace(rows, first=first, **{k: getattr(rows, k)[own] for k in keys}))
+                found.append(rows.only(own, first))
                 first += found[-1].measured.size
         return TreeObservations(self.data, tuple(found))
 

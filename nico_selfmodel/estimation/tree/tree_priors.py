@@ -1,16 +1,19 @@
 """What is known of a body beforehand, and how far a described robot is off, as the data tell it.
 
-Parts of the described frames are off by N(0, v), v alike for all turns and for all places. With
-H = J' S^-1 J, C = (H + V^-1)^-1 and x what a part is off by, the restricted likelihood of log v has
+Parts of the described frames are off by N(0, v), v alike for all turns and for all places. With x
+what they are off by, S what the data tell of them alone (all else open) and S m = s where they
+would put them, the restricted likelihood of V, v of each part, is
 
-    score        (|x|^2 / v - (n - tr C / v)) / 2             of the n parts that share v
-    information  |1 - V^-1/2 C V^-1/2|_gh^2 / 2               of two groups g, h
+    2 log p = s' (S + V^-1)^-1 s - log |1 + V^1/2 S V^1/2|
 
-(MacKay 1992; Gilmour, Thompson, Cullis 1995). Beforehand log v is about what a description is said
-to be off by, within a factor of three of the standard deviation: where few parts are told it stays.
+(Patterson, Thompson 1971). Beforehand v is log-normal, in the mean what a description is said to be
+off by, its root known to a factor of three. Frames are then given the mean of v: what only they
+tell is off as far in the mean as is claimed, be one part told or a hundred, while the likeliest v
+is too small where few are.
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +27,9 @@ BEFOREHAND = 0.5 / np.log(3.0)
 """Root of the information that the logarithm of a variance has without data."""
 _ALIKE = 0.02
 """Relative change of a standard deviation below which it is the same."""
-_ROUNDS, _SETTLED, _LARGEST_STEP = 30, 1e-3, 1.0
+_NODES, _ROUNDS = np.arange(-3.0, 6.0), 4
+"""Where the law of log v is asked, in standard deviations, as far up as the mean of v comes from,
+and how often that is renewed."""
 
 
 def beside_noise(
@@ -84,14 +89,14 @@ def are_alike(one: Priors, other: Priors) -> bool:
     return all(abs(np.log(one[name][1] / other[name][1])) < _ALIKE for name in one)
 
 
-def likeliest_priors(
+def expected_priors(
     priors: Priors,
     alike: Sequence[Alike],
     names: Sequence[str],
     values: Mapping[str, float],
     white: tuple[NDArray, NDArray],
 ) -> Priors:
-    """Return priors whose standard deviations the data ask for, those of a group alike.
+    """Return priors whose variances are the mean of what the data leave, those of a group alike.
 
     Args:
         priors: As they are.
@@ -106,21 +111,18 @@ def likeliest_priors(
     groups = [(own, one.sigma) for one in alike if len(own := _places(one, names))]
     if not groups:
         return priors
-    members, sigmas = [own for own, _ in groups], np.array([sigma for _, sigma in groups])
+    own = np.concatenate([members for members, _ in groups])
     U, u = white
-    mean = np.array([priors[name][0] if name in priors else 0.0 for name in names])
-    off = np.array([values[name] for name in names]) - mean
-    others = information_of(priors, names)
-    others[np.concatenate(members)] = 0.0
-    H, g = U.T @ U + np.diag(others), U.T @ u + others * off
-    x = 2.0 * np.log([priors[names[int(own[0])]][1] for own in members])
-    for _ in range(_ROUNDS):
-        step = _step(x, 2.0 * np.log(sigmas), members, H, g, off)
-        x = x + np.clip(step, -_LARGEST_STEP, _LARGEST_STEP)
-        if np.abs(step).max() < _SETTLED:
-            break
-    found = np.exp(0.5 * x).tolist()
-    learned = {names[i]: sigma for own, sigma in zip(members, found, strict=True) for i in own}
+    pull, others = pull_of(priors, names, values), information_of(priors, names)
+    others[own] = 0.0
+    H, g = U.T @ U + np.diag(others), U.T @ u - others * pull
+    rest = np.setdiff1d(np.arange(len(names)), own)
+    taken = H[np.ix_(own, rest)] @ covariance_told_by(H[np.ix_(rest, rest)])
+    S = H[np.ix_(own, own)] - taken @ H[np.ix_(rest, own)]
+    asked = taken @ g[rest] - g[own] - S @ pull[own]
+    of = np.repeat(np.arange(len(groups)), [len(members) for members, _ in groups])
+    found = np.sqrt(_mean_variances(S, asked, of, np.array([sigma for _, sigma in groups])))
+    learned = {names[i]: s for (own, _), s in zip(groups, found.tolist(), strict=True) for i in own}
     return {n: (m, learned.get(n, sigma)) for n, (m, sigma) in priors.items()}
 
 
@@ -129,20 +131,30 @@ def _places(alike: Alike, names: Sequence[str]) -> NDArray:
     return np.flatnonzero(np.isin(names, alike.names))
 
 
-def _step(
-    x: NDArray, begin: NDArray, groups: Sequence[NDArray], H: NDArray, g: NDArray, off: NDArray
-) -> NDArray:
-    """Return a scoring step of the logarithms of the variances."""
-    weight = np.zeros(len(H))
-    for own, log in zip(groups, x.tolist(), strict=True):
-        weight[own] = np.exp(-log)
-    C = covariance_told_by(H + np.diag(weight))
-    there = off - C @ (g + weight * off)
-    root = np.sqrt(weight)
-    told = (weight > 0.0) * np.eye(len(H)) - C * np.outer(root, root)
-    score = np.array([weight[own] @ there[own] ** 2 - np.trace(told[np.ix_(own, own)])
-                      for own in groups])  # fmt: skip
-    inside = np.array([[np.sum(told[np.ix_(a, b)] ** 2) for b in groups] for a in groups])
-    beforehand = BEFOREHAND**2
-    score = 0.5 * score - beforehand * (x - begin)
-    return np.linalg.solve(0.5 * inside + beforehand * np.eye(len(x)), score)
+def _mean_variances(S: NDArray, s: NDArray, of: NDArray, sigmas: NDArray) -> NDArray:
+    """Return the mean of the groups' variances.
+
+    Args:
+        S: What the data tell of the parts. Shape (n, n).
+        s: S times where they put them. Shape (n,).
+        of: The group of each. Shape (n,).
+        sigmas: What they are said to be off by. Shape (G,).
+    """
+    values, vectors = np.linalg.eigh(S)
+    S = (vectors * np.maximum(values, 0.0)) @ vectors.T  # what nothing tells is 0 but for rounding
+    spread = np.full(len(sigmas), 1.0 / BEFOREHAND)
+    # The mean of exp(y), y of N(m, w^2), is exp(m + w^2 / 2).
+    middle = begin = 2.0 * np.log(sigmas) - 0.5 * spread**2
+    nodes, weight = begin[None], np.ones(1)
+    for _ in range(_ROUNDS):
+        nodes = middle + spread * np.array(list(product(_NODES, repeat=len(sigmas))))
+        root = np.exp(0.5 * nodes)[:, of]
+        told = np.eye(len(S)) + root[:, :, None] * S * root[:, None]
+        b = (root * s)[..., None]
+        log = (b * np.linalg.solve(told, b)).sum(axis=(1, 2)) - np.linalg.slogdet(told)[1]
+        log -= np.sum((BEFOREHAND * (nodes - begin)) ** 2, axis=1)
+        weight = np.exp(0.5 * (log - log.max()))
+        weight /= weight.sum()
+        middle = weight @ nodes
+        spread = np.maximum(np.sqrt(weight @ (nodes - middle) ** 2), 0.5 * spread)
+    return np.asarray(weight @ np.exp(nodes))

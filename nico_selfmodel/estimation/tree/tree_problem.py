@@ -360,7 +360,7 @@ class TreeProblem:
             return True
         white, now = self._whitened(values, outliers, slipped)[:2], self._by_name(values)
         before, known = self.priors, (self.priors, self.alike, self.free_names)
-        self.priors = tree_priors.likeliest_priors(*known, now, white)
+        self.priors = tree_priors.expected_priors(*known, now, white)
         return tree_priors.are_alike(before, self.priors)
 
     def _by_name(self, values: NDArray) -> dict[str, float]:

@@ -56,6 +56,8 @@ from nico_selfmodel.names import listed, refuse_unknown
 
 KNOWN_PLACES = "markers at known places"
 """What stands for the world, and tells lengths, where a recording says where markers are."""
+DESCRIBED = "robot description"
+"""What tells lengths where only that does."""
 Priors = Mapping[str, tuple[float, float]]
 """Mean and standard deviation by name."""
 
@@ -346,7 +348,7 @@ def _scale_from(
     if travelled:
         return f"{travelled[0]} (travel)"
     if description is not None:
-        return "robot description"
+        return DESCRIBED
     known = {n: (v, 0.0) for n, v in wishes.pins.pinned.items() if v} | dict(wishes.priors)
     lengths = [n for n in known.keys() - told.keys() if n.rpartition(".")[2] in (*SHIFTS, APART)]
     # All others are known to as good a share as this one at best.

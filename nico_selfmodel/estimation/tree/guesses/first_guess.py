@@ -33,6 +33,10 @@ from nico_selfmodel.estimation.tree.guesses.carried_cameras import (
     with_known_links,
 )
 from nico_selfmodel.estimation.tree.guesses.flange_guess import from_flange
+from nico_selfmodel.estimation.tree.guesses.lost_joints import (
+    before_known_joints,
+    with_lost_joints,
+)
 from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints, body_from_points
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_setup import Description
@@ -164,7 +168,9 @@ def _by_cameras(
         seed: Of what is drawn.
     """
     tree = body_from_points(data, with_sensors(blank, places), points, seed, sized=False)
-    return with_others(data, tree, cameras, list(places), np.unique(points.marker), seed)
+    located = np.unique(points.marker)
+    tree = with_others(data, tree, cameras, list(places), located, seed)
+    return with_lost_joints(data, tree, cameras, located, seed)
 
 
 def _by_trackers(
@@ -196,7 +202,9 @@ def _by_trackers(
         tree = _by_cameras(data, blank, cameras, at, points, seed)
     else:
         tree = body_from_points(data, blank, points, seed)
-        tree = next(cameras_all_around(data, tree))
+        located = np.unique(points.marker)
+        before = before_known_joints(data, tree, cameras, located, seed)
+        tree = before or next(cameras_all_around(data, tree))
     for rows in trackers[1:]:
         tree = with_tracker(data, tree, rows)
     return tree
@@ -311,9 +319,7 @@ def _carried_at(
     # What its own link carries is where it was in every picture.
     told = int((own & ~carried).sum()) + len(np.unique(rows.marker[own & carried]))
     if told >= FEWEST:
-        mine = replace(rows, pose=rows.pose[own], marker=rows.marker[own],
-                       rows=rows.rows[own], measured=rows.measured[own])  # fmt: skip
-        return _on_its_link(motion, mine, link, rng)
+        return _on_its_link(motion, rows.only(own), link, rng)
     found = on_link_among_unknown(motion, rows, link, rng)
     if found is None:
         raise DataError(
