@@ -1,6 +1,7 @@
 """Data that are well formed but can hardly be what they say: units, sweeps that did not move."""
 
 import warnings
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,7 @@ from nico_selfmodel.dataset.columns import PIXEL_COLUMNS, POINT_COLUMNS
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import HOME, JointInfo
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.names import listed
 
 MAX_SPREAD_M = 20.0
 """Points that lie further apart were not measured in metres [m]."""
@@ -16,7 +18,8 @@ MAX_SPREAD_M = 20.0
 _MIN_SPREAD_M = 2e-3
 MAX_TURN_RAD = 4.0 * np.pi
 """A joint that turned further was hardly read in radians [rad]."""
-
+_FEWEST_IN_DEGREES = 2
+"""Joints read beyond two turns at once, and samples where they are, that are no slip of a pen."""
 _MOST_OUTSIDE = 0.1
 """Share of pixels that may lie outside their images without a word."""
 _COPIES, _FEWEST_COPIES = 0.25, 10
@@ -141,11 +144,17 @@ def warn_of_units(dataset: Dataset, place: str) -> None:
         dataset: The data.
         place: The file, for the message.
 
+    Raises:
+        DataError: If some samples are in degrees, see `check_radians`.
+
     Warns:
         UserWarning: If a joint read in `rad` turned by more than two whole turns, or all points,
             and more than two, lie within 2 mm.
     """
-    _warn_of_degrees(dataset, place)
+    in_rad = [i for i, joint in enumerate(dataset.joints) if joint.encoder_unit == "rad"]
+    check_radians(
+        [dataset.joints[i].name for i in in_rad], dataset.encoders[:, in_rad], dataset.sample, place
+    )
     points = dataset.p_WH_measured[dataset.measured]
     if len(points) < 3:
         return
@@ -158,17 +167,42 @@ def warn_of_units(dataset: Dataset, place: str) -> None:
         )
 
 
-def _warn_of_degrees(dataset: Dataset, place: str) -> None:
-    encoders = 0.5 * dataset.encoders  # a difference of halves cannot overflow
-    half_spans = (encoders.max(axis=0) - encoders.min(axis=0)).tolist()
-    for info, half in zip(dataset.joints, half_spans, strict=True):
-        span = 2.0 * half
-        if info.encoder_unit == "rad" and span > MAX_TURN_RAD:
-            warnings.warn(
-                f"{place}: encoder.{info.name} spans {span:.4g} rad, {span / (2 * np.pi):.3g} "
-                "turns: if these are degrees, set encoder_unit: deg",
-                stacklevel=5,
-            )
+def check_radians(names: Sequence[str], readings: NDArray, sample: NDArray, place: str) -> None:
+    """Refuse readings of which some samples are in degrees; warn where all of a joint may be.
+
+    Args:
+        names: Joints that are read in radians.
+        readings: Their readings [rad]. Shape (N, n).
+        sample: Number of each row's sample. Shape (N,).
+        place: What they are of, for the message.
+
+    Raises:
+        DataError: If in some samples several joints are read beyond two turns, and in all others
+            none beyond one.
+
+    Warns:
+        UserWarning: If a joint turned by more than two whole turns.
+    """
+    halves = 0.5 * readings  # a difference of halves cannot overflow
+    spans = 2.0 * (halves.max(axis=0, initial=-np.inf) - halves.min(axis=0, initial=np.inf))
+    wide = [name for name, span in zip(names, spans, strict=True) if span > MAX_TURN_RAD]
+    if not wide:
+        return
+    beyond = np.abs(readings) > MAX_TURN_RAD
+    there = beyond.sum(axis=1) >= _FEWEST_IN_DEGREES
+    number = len(np.unique(sample[there]))
+    elsewhere = np.abs(readings[~there])
+    if number >= _FEWEST_IN_DEGREES and elsewhere.size and elsewhere.max() <= 0.5 * MAX_TURN_RAD:
+        raise DataError(
+            f"{place}: readings of {listed(wide)} are beyond two turns in {number} samples "
+            f"({sample[there].min()} to {sample[there].max()}), and within one in all others: "
+            "were degrees given as radians there? A joint is read in one unit"
+        )
+    warnings.warn(
+        f"{place}: readings of {listed(wide)} span up to {spans.max():.4g} rad, "
+        f"{spans.max() / (2.0 * np.pi):.3g} turns: if these are degrees, set encoder_unit: deg",
+        stacklevel=5,
+    )
 
 
 def _check_sweep_moved(dataset: Dataset, joint: int, place: str) -> None:

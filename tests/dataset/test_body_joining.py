@@ -30,6 +30,19 @@ def test_two_recordings_keep_every_sample_and_all_that_was_seen_at_it(days):
     assert np.array_equal(later.observations.pose, second.observations.pose)
 
 
+def test_a_recording_in_degrees_joins_one_in_radians(days):
+    first, second = days
+    assert {j.encoder_unit for j in first.joints} == {"counts"}
+    as_read = [replace(j, encoder_unit="rad", counts_per_turn=None, sign=1) for j in first.joints]
+    turned = [replace(j, encoder_unit="deg", lower=-200.0, upper=200.0) for j in as_read]
+    radians = replace(first, joints=tuple(as_read), readings=np.ones_like(first.readings))
+    degrees = replace(second, joints=tuple(turned), readings=np.full(second.readings.shape, 90.0))
+    both = joined(radians, degrees, "both")
+    assert both.joints == radians.joints
+    np.testing.assert_allclose(both.readings[:3], 1.0)
+    np.testing.assert_allclose(both.readings[3:], np.pi / 2.0)
+
+
 def test_recordings_of_two_bodies_are_not_joined(days):
     first, second = days
     last = len(second.joints) - 1

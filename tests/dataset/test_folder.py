@@ -120,7 +120,7 @@ def test_radians_that_look_like_degrees_are_questioned(folder, unit):
     if unit == "deg":
         load_dataset(path)
         return
-    with pytest.warns(UserWarning, match=r"encoder.elbow spans 65 rad, 10\.3 turns: .*unit: deg"):
+    with pytest.warns(UserWarning, match=r"elbow span up to 65 rad, 10\.3 turns: .*unit: deg"):
         load_dataset(path)
 
 

@@ -118,3 +118,29 @@ def test_places_of_markers_in_millimetres_are_refused(tmp_path):
     far = replace(data.markers[0], xyz=(100.0, 0.0, 0.0)), replace(data.markers[1], xyz=(0, 0, 0))
     with pytest.raises(DataError, match=r"'xyz' of markers: up to .* m: were millimetres given"):
         read_back(replace(data, markers=(*far, *data.markers[2:])), tmp_path)
+
+
+def in_degrees(data, rows, unit=180.0 / np.pi):
+    readings = data.readings.copy()
+    readings[rows] *= unit
+    return replace(data, readings=readings)
+
+
+def test_samples_in_degrees_among_samples_in_radians_are_refused_with_their_numbers(tmp_path):
+    data = two_arms(1, poses=12).data
+    with pytest.raises(DataError, match=r"in 4 samples \(8 to 11\), .* degrees given as radians"):
+        read_back(in_degrees(data, slice(8, 12)), tmp_path)
+
+
+def test_a_recording_all_in_degrees_is_questioned_once_for_all_joints(tmp_path):
+    data = in_degrees(two_arms(1, poses=12).data, slice(None))
+    with pytest.warns(UserWarning, match="set encoder_unit: deg") as said:
+        read_back(data, tmp_path)
+    assert len(said) == 1
+
+
+def test_joints_that_turn_many_times_are_taken(tmp_path):
+    data = two_arms(1, poses=12).data
+    turns = np.linspace(-40.0, 40.0, 12)[:, None] * np.ones(len(data.joints))
+    with pytest.warns(UserWarning, match="12.7 turns"):
+        read_back(replace(data, readings=turns), tmp_path)

@@ -1,5 +1,6 @@
 """What a recording of a body contradicts is named, and never passes."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from nico_selfmodel.dataset.body.sensors import CAMERA
 from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.tree.contradictions.wrong_readings import poses_off
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 
 from .simulated_trees import one_arm, two_arms
@@ -66,3 +68,28 @@ def test_right_recordings_are_not_contradicted(seed):
     found = verdict(two_arms(seed, poses=40, distances=KNOWN).data)
     assert found.status == "PASS"
     assert not any("contradict" in text for text in found.warnings)
+
+
+def test_poses_whose_readings_are_of_other_poses_fail_with_their_samples():
+    data = one_arm(5, joints=4, markers=3, poses=80, sigma={"points": 3e-4}).data
+    assert verdict(data).status == "PASS"
+    readings = data.readings.copy()
+    readings[8:16] = readings[8:16][::-1]
+    wrong = verdict(replace(data, readings=readings))
+    assert wrong.status == "FAIL"
+    (said,) = (text for text in wrong.reasons if "most of what was seen contradicts" in text)
+    assert set(map(int, re.findall(r"\d+", said.split("samples")[1]))) <= {*range(8, 16)}
+
+
+@pytest.mark.parametrize(("poses", "many"), [(3, False), (4, True)])
+def test_more_poses_off_than_one_in_two_hundred_explains_are_too_many(poses, many):
+    data = one_arm(5, joints=4, markers=3, poses=80).data
+    off = np.zeros(len(data.observations), dtype=bool)
+    off[data.observations.pose < poses] = (
+        data.observations.marker[data.observations.pose < poses] > 0
+    )
+    one_each = poses_off(data, data.observations.marker == 0)
+    assert not one_each.found.any()
+    found = poses_off(data, off)
+    assert found.count == poses
+    assert found.too_many == many

@@ -11,6 +11,7 @@ from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body
 from nico_selfmodel.dataset.body.sensors import MarkerInfo, SensorInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.results.calibration_result import FAILURE
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_errors import errors_of
@@ -204,6 +205,16 @@ def test_a_distance_that_is_known_tells_how_large_the_body_is():
     ends = [np.linalg.norm(np.subtract(*(t.sensors[k].X_LA[:3, 3] for k in (0, 1))))
             for t in (tree, found.tree)]  # fmt: skip
     assert ends[1] / ends[0] == pytest.approx(1.0, abs=0.02)
+
+
+def test_touches_noted_at_poses_that_touched_nothing_fail_and_are_named(at_a_plane):
+    _, data, _, sound = at_a_plane
+    assert not any("is missed by" in said for said in tree_result(sound).texts(FAILURE))
+    table = data.observations
+    pose = np.where(table.sensor == 1, table.pose - 60, table.pose)
+    mixed = replace(data, observations=replace(table, pose=pose))
+    failed = tree_result(calibrate_tree(mixed, effects=())).texts(FAILURE)
+    assert any("what 'table' tells is missed by" in said for said in failed)
 
 
 def test_touches_alone_correct_a_robot_that_is_described():

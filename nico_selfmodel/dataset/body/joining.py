@@ -43,6 +43,7 @@ def joined(first: BodyDataset, second: BodyDataset, name: str) -> BodyDataset:
             f"{listed(theirs)}: both must be of one body"
         )
     where = f"in data set {first.name!r}", f"in {second.name!r}"
+    second = _in_units_of(first, second)
     _of_both(first.joints, second.joints, where)
     both = replace(
         first,
@@ -81,6 +82,16 @@ def all_joined(recordings: Sequence[BodyDataset], name: str) -> BodyDataset:
     if twice:
         raise DataError(f"recordings {listed(twice)} are one and the same: give it once")
     return replace(reduce(lambda one, other: joined(one, other, name), recordings), name=name)
+
+
+def _in_units_of(first: BodyDataset, second: BodyDataset) -> BodyDataset:
+    """Return a recording with angles read as those of another: 1 deg of one is 1 deg of both."""
+    factors, joints = np.ones(len(second.joints)), list(second.joints)
+    for i, (one, other) in enumerate(zip(first.joints, joints, strict=True)):
+        if {one.encoder_unit, other.encoder_unit} == {"rad", "deg"} and one.sign == other.sign:
+            factors[i] = other.si_per_unit / one.si_per_unit
+            joints[i] = replace(other, encoder_unit=one.encoder_unit, lower=None, upper=None)
+    return replace(second, joints=tuple(joints), readings=second.readings * factors)
 
 
 def _of_both(

@@ -1,7 +1,5 @@
 """Recordings of bodies that are well formed but can hardly be what they say: units."""
 
-import warnings
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,12 +7,12 @@ from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
 from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES
 from nico_selfmodel.dataset.plausibility import (
     MAX_SPREAD_M,
-    MAX_TURN_RAD,
+    check_radians,
     refuse_copies,
     warn_of_outside,
 )
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, REVOLUTE
+from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC
 
 
 def check_plausible_body(data: BodyDataset) -> None:
@@ -25,7 +23,7 @@ def check_plausible_body(data: BodyDataset) -> None:
 
     Raises:
         DataError: If places or distances spread over more than 20 m, a rotation vector turns by
-            more than a whole turn, or many observations are copies.
+            more than a whole turn, some samples are in degrees, or many observations are copies.
 
     Warns:
         UserWarning: If a joint read in `rad` turned by more than two whole turns.
@@ -64,8 +62,9 @@ def check_plausible_body(data: BodyDataset) -> None:
             _check_lengths(
                 f"readings of joint {joint.name!r}", _from_middle(data.si_readings[:, i])
             )
-        elif joint.motion == REVOLUTE and joint.is_read and joint.encoder_unit == "rad":
-            _warn_of_degrees(joint.name, 0.5 * data.readings[:, i])
+    in_rad = [i for i, j in enumerate(data.joints) if j.is_read and j.encoder_unit == "rad"]
+    names = [data.joints[i].name for i in in_rad]
+    check_radians(names, data.readings[:, in_rad], data.sample, "poses.csv")
 
 
 def _from_middle(places: NDArray) -> NDArray:
@@ -87,14 +86,4 @@ def _check_turns(what: str, turns: NDArray) -> None:
         raise DataError(
             f"{what} turn by up to {largest:.4g} rad: were degrees given as radians, or other "
             "angles as a rotation vector? rx, ry, rz are axis times angle [rad]"
-        )
-
-
-def _warn_of_degrees(joint: str, halves: NDArray) -> None:
-    span = 2.0 * float(np.ptp(halves))
-    if span > MAX_TURN_RAD:
-        warnings.warn(
-            f"readings of joint {joint!r} span {span:.4g} rad, {span / (2.0 * np.pi):.3g} turns: "
-            "if these are degrees, set encoder_unit: deg",
-            stacklevel=4,
         )

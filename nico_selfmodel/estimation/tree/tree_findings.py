@@ -82,13 +82,16 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
 def _told_by_no_pose(calibration: TreeCalibration) -> list[str]:
     """Name what is open whatever is recorded, and what that means."""
     both = zip(calibration.uncertainty.unobservable, calibration.told_by_no_pose, strict=True)
-    return [
-        f"{listed([f'`{name}`' for name in way.names])} go together: in no pose between its "
-        "joints' limits can what sensors see of this body tell them apart, and nothing that they "
-        "see depends on it; they have no sigma of their own"
-        for way, by_none in both
-        if by_none
-    ]
+    said = []
+    for names in (way.names for way, by_none in both if by_none):
+        some = len(names) > 1
+        said.append(
+            f"{listed([f'`{name}`' for name in names])} {'go together' if some else 'is open'}: in "
+            "no pose between its joints' limits can what sensors see of this body tell "
+            f"{'them apart' if some else 'it'}, and nothing that they see depends on it; "
+            f"{'they have' if some else 'it has'} no sigma of {'their' if some else 'its'} own"
+        )
+    return said
 
 
 def _seldom_words(calibration: TreeCalibration) -> list[str]:

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from nico_selfmodel.estimation.noise.contradictions import LEAST_SHARE, WHERE_TO_LOOK
+from nico_selfmodel.estimation.observations.outlier_words import name_samples
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE, Finding
 from nico_selfmodel.estimation.tree.contradictions.held_scores import (
     LENS_PARTS,
@@ -9,12 +11,17 @@ from nico_selfmodel.estimation.tree.contradictions.held_scores import (
     severity_of,
 )
 from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
-from nico_selfmodel.estimation.tree.contradictions.wrong_readings import read_wrongly, seen_wrongly
+from nico_selfmodel.estimation.tree.contradictions.wrong_readings import (
+    poses_off,
+    read_wrongly,
+    seen_wrongly,
+)
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import PRISMATIC
 from nico_selfmodel.names import listed
+from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 
 _NOTABLE = 0.005
 """Share of a lens' focal length, or of a length, below which it is not worth a word."""
@@ -22,6 +29,8 @@ _LARGEST_SHARE = 0.1
 """Noise that is so much of what a joint that slides moved is none."""
 _VAGUE = 0.1
 """And the share to which it must be known: of poses in another frame no length fits."""
+_LARGEST_MISS = 0.03
+"""Touches that are missed by so much of the body's size tell nothing of it."""
 
 
 def contradiction_findings(calibration: TreeCalibration) -> list[Finding]:
@@ -47,7 +56,44 @@ def contradiction_findings(calibration: TreeCalibration) -> list[Finding]:
             "link they are on, their labels, and the readings of the joints on the way"
         )
         found.append(Finding(FAILURE, text))
-    return found
+    return [*found, *_of_poses(calibration), *_of_touches(calibration)]
+
+
+def _of_poses(calibration: TreeCalibration) -> list[Finding]:
+    """Say in which poses most of what was seen is off, of those learned from and held out."""
+    asked = poses_off(calibration.data, calibration.solution.outliers)
+    both = [("", asked)]
+    if calibration.test is not None and calibration.usual_test is not None:
+        data, far = calibration.test.observations.data, calibration.test.by_row()
+        share = max(LEAST_SHARE, asked.count / max(len(asked.found), 1))
+        off = far > OUTLIER_AT * calibration.usual_test
+        both.append(("held-out ", poses_off(data, off, share)))
+    return [
+        Finding(
+            FAILURE,
+            f"in {one.count} of {len(one.found)} {which}poses "
+            f"({name_samples(one.sample[one.found])}) most of what was seen contradicts the rest: "
+            f"{WHERE_TO_LOOK}, or in other units",
+        )
+        for which, one in both
+        if one.too_many and one.count < len(one.found)
+    ]
+
+
+def _of_touches(calibration: TreeCalibration) -> list[Finding]:
+    """Say which touches and distances are missed by what is no noise."""
+    left = calibration.train.of_touches(~calibration.solution.outliers)
+    missed = {name: float(np.sqrt(np.mean(far**2))) for name, far in left.items()}
+    return [
+        Finding(
+            FAILURE,
+            f"what {name!r} tells is missed by {1e3 * rms:.3g} mm (rms), on a body of "
+            f"{1e3 * calibration.size:.0f} mm: check which marker touched what, whether that moved "
+            "in between (each place is a sensor of its own), and the readings of these poses",
+        )
+        for name, rms in missed.items()
+        if rms > _LARGEST_MISS * calibration.size
+    ]
 
 
 def _sliding(calibration: TreeCalibration) -> list[Finding]:

@@ -1,11 +1,21 @@
-"""Joints and links of which so much is set aside that it is no accident."""
+"""Joints, links and poses of which so much is set aside that it is no accident."""
 
 import numpy as np
+from numpy.typing import NDArray
 
+from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
+from nico_selfmodel.estimation.noise.contradictions import (
+    LEAST_SHARE,
+    Contradictions,
+    most_expected,
+)
 from nico_selfmodel.estimation.results.verdict import outliers_are_many
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
+
+_TELLING = 3
+"""Observations of a pose from which on most of them being off is no matter of single labels."""
 
 
 def read_wrongly(
@@ -43,3 +53,20 @@ def seen_wrongly(seen: TreeObservations, solution: TreeSolution) -> dict[str, tu
         if own.sum() > 1 and outliers_are_many(own) is not None:
             found[joint.name] = (int(own.sum()), len(own))
     return found
+
+
+def poses_off(data: BodyDataset, off: NDArray, share: float = LEAST_SHARE) -> Contradictions:
+    """Return poses of which most observations are off, of those that have a few.
+
+    Args:
+        data: The recording.
+        off: Observations that nothing explains. Boolean, by row of the table, shape (N,).
+        share: Of such poses that is to be expected.
+    """
+    pose, counts = data.observations.pose, len(data.sample)
+    told = pose != ANY_POSE
+    of = np.bincount(pose[told], minlength=counts)
+    aside = np.bincount(pose[told & off], minlength=counts)
+    asked = of >= _TELLING
+    found = (2 * aside >= of)[asked]
+    return Contradictions(data.sample[asked], found, most_expected(len(found), share))
