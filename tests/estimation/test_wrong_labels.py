@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from nico_selfmodel.dataset.body.sensors import CAMERA, MarkerInfo
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.model_verdict import judge_body_errors
 from nico_selfmodel.estimation.monitoring.body_health import body_contradictions, check_body_health
@@ -15,13 +16,15 @@ from nico_selfmodel.estimation.tree.compared_errors import (
     expected_errors,
     usual_errors,
 )
+from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_errors import errors_of
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import Attached
 
-from .simulated_trees import observed, one_arm
+from .simulated_trees import observed, one_arm, two_arms
+from .test_one_problem import KNOWN
 
 POSES = 60
 JOINT = float(np.radians(0.1))
@@ -151,3 +154,18 @@ def test_a_tracker_that_the_body_does_not_know_the_noise_of_is_told():
     recorded, _ = day(body, data, 5)
     with pytest.raises(ModelError, match="does not say the noise of all that saw"):
         check_body_health(silent, recorded)
+
+
+def test_a_marker_that_was_seen_only_by_mistake_spoils_no_noise():
+    data = two_arms(2, poses=40, distances=KNOWN).data
+    table = data.observations
+    cameras = [k for k, sensor in enumerate(data.sensors) if sensor.kind == CAMERA]
+    wrong = np.flatnonzero(np.isin(table.sensor, cameras))[[30, -90]]
+    marker = table.marker.copy()
+    marker[wrong] = len(data.markers)
+    markers = (*data.markers, MarkerInfo("left_never", "left6"))
+    mistaken = replace(data, markers=markers, observations=replace(table, marker=marker))
+    found = calibrate_tree(mistaken, effects=())
+    # Both had come back and been set aside by turns, as its place was told by nothing or by them.
+    assert set(np.flatnonzero(found.solution.outliers)) == set(wrong)
+    assert [found.noise[f"camera{k}"] for k in (1, 2)] == pytest.approx([0.3, 0.3], rel=0.1)

@@ -185,11 +185,10 @@ class TreeProblem:
         """
         data = self.observations
         left = self.residuals.residuals(values) / self.scale
-        found = standing_out(data, left) if outliers is None else outliers
-        found = found if trim else np.zeros_like(found)
+        found = (standing_out(data, left) if outliers is None else outliers) & trim
         groups = data.groups(found)
         slipped = np.zeros((groups.poses, len(data.noisy_joints)), dtype=bool)
-        known, steps, rounds = False, 0, 0
+        known, steps, rounds, returned, final = False, 0, 0, *np.zeros((2, len(found)), dtype=bool)
         while rounds < _ROUNDS:
             linear = self._linear(values, found)
             equations = int((~found[data.row]).sum()) + len(self.priors)
@@ -206,8 +205,10 @@ class TreeProblem:
             now_slipped, now_found, new = slipped, found, groups
             settled = not known or self._learned_priors(values, found, slipped)
             if known and trim:
-                ask = not self._noise_known
-                by_visit, now_found = self._tested(linear, groups, found, louder=ask)
+                by_visit, now_found = self._tested(linear, groups, found, not self._noise_known)
+                # What is set aside again after it came back stays out: rounds went in circles.
+                now_found, final = now_found | final, final | (returned & now_found)
+                returned |= found & ~now_found
                 new = data.groups(now_found)
                 now_slipped = by_visit[new.numbers]
             same = np.array_equal(now_found, found) and np.array_equal(now_slipped, slipped)
@@ -239,7 +240,7 @@ class TreeProblem:
             if trim and any(one.turns is not None for one in found.alike):
                 # What a sensor's turns share had been taken for slips of joints.
                 linear = self._about_poses(values, groups, slipped, outliers)
-                by_visit = self._tested(linear, groups, outliers, louder=False)[0]
+                by_visit = self._tested(linear, groups, outliers, False)[0]
                 slipped = by_visit[groups.numbers]
         return slipped
 
@@ -386,7 +387,7 @@ class TreeProblem:
         return self.observations, own, groups, loose, self.noise, known
 
     def _tested(
-        self, linear: TreeLinear, groups: PoseGroups, outliers: NDArray, *, louder: bool
+        self, linear: TreeLinear, groups: PoseGroups, outliers: NDArray, louder: bool
     ) -> tuple[NDArray, NDArray]:
         """Return what slipped, by visit, and what is an outlier; ask for louder joints too."""
         prior = tree_priors.information_of(self.priors, self.free_names)
