@@ -19,6 +19,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
 from nico_selfmodel.estimation.tree.compared_errors import alone_off
 from nico_selfmodel.estimation.tree.contradictions.contradiction_words import contradiction_findings
 from nico_selfmodel.estimation.tree.contradictions.exchanged_markers import exchanged_markers
+from nico_selfmodel.estimation.tree.contradictions.off_at_once import sensors_off_at_once
 from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
@@ -67,6 +68,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
         *_loose_sigmas(calibration),
         *_loud_words(calibration),
         *exchanged_markers(calibration),
+        *sensors_off_at_once(calibration),
         *_outlier_words(calibration),
     ]
     return (
