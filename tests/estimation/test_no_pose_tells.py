@@ -24,9 +24,10 @@ from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_result import body_model
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.tree.body_tree import Attached
 from nico_selfmodel.optimization.uncertainty import UnobservableDirection
 
-from .simulated_trees import Simulated, assembled, observed, one_arm, tags
+from .simulated_trees import LENS, Simulated, assembled, looking_at, observed, one_arm, tags
 
 
 def palletizer(seed, limits, poses=60, reach=0.6):
@@ -57,6 +58,34 @@ def palletizer(seed, limits, poses=60, reach=0.6):
     how = {"sigma": {"points": 2e-4}, "joint_sigma": 2e-4}
     data = observed(tree, joints, infos, sensors, np.nan_to_num(q), rng, **how)
     return Simulated(tree, replace(data, readings=q), q)
+
+
+def filmed(seed, poses):
+    """The same before two cameras, a distance known."""
+    made, eyes = palletizer(seed, limits=0.6, poses=poses), ("camera1", "camera2")
+    lens = dict(LENS.named_values)
+    sensors = [SensorInfo(n, "camera", image_size=LENS.image_size, lens=lens) for n in eyes]
+    sensors.append(SensorInfo("ruler", "distance", sigma=1e-4))
+    places = tuple(
+        Attached(name, -1, looking_at(np.array([1.8, y, 0.9]), [0.5, 0.0, 0.4]))
+        for name, y in zip(eyes, (0.7, -0.6), strict=True)
+    )
+    tree = replace(made.tree, sensors=places, lenses=dict.fromkeys(eyes, LENS))
+    q, rng, data = np.nan_to_num(made.readings_true), np.random.default_rng((seed, 9)), made.data
+    how = {"joint_sigma": 2e-4, "sigma": {"camera": 0.3}}
+    tags = [("hand_tag0", "hand_tag1")]
+    seen = observed(tree, data.joints, data.markers, sensors, q, rng, distances=tags, **how)
+    return replace(seen, readings=made.readings_true)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])  # the third creeps along what is open
+def test_cameras_are_asked_what_no_pose_tells_as_well(seed):
+    found = calibrate_tree(filmed(seed, 60), test=filmed(seed, 40), effects=())
+    assert set(found.told_by_no_pose) == {True}
+    verdict = judge(found)
+    assert verdict.status == "PASS", verdict.reasons
+    assert "in no pose between its joints' limits" in verdict.warnings[0]
 
 
 @pytest.fixture(scope="module")

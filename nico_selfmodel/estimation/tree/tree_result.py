@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_folder import body_content_hash
-from nico_selfmodel.dataset.body.sensors import CAMERA
 from nico_selfmodel.estimation.bending.what_bends import bending_json
 from nico_selfmodel.estimation.results.calibration_result import (
     CalibrationResult,
@@ -40,6 +39,8 @@ from nico_selfmodel.optimization.uncertainty import UNKNOWN_SIGMA, UnobservableD
 
 _ALIGNED = 0.95
 """Cosine of an open way with an axis from which on it is along it."""
+_NOTHING = 0.01
+"""Fall of half the squared residuals in a step that moves nothing by more than a seventh sigma."""
 _TERMS = Terms(
     outlier_cause="body, sensors, or what was recorded are not what the data set says",
     worse_cause="something changed between the recordings, or the body bends",
@@ -72,13 +73,20 @@ def tree_result(calibration: TreeCalibration) -> CalibrationResult:
         outliers=solution.outliers,
         outlier_names=tuple(sorted(set(data.sample[poses[poses >= 0]].tolist()))),
         unobservable=_unobservable(calibration),
-        converged=solution.converged,
+        converged=_converged(calibration),
         iterations=solution.iterations,
         seconds=calibration.seconds,
         findings=tree_findings(calibration),
         details=_details(calibration),
         terms=_TERMS,
     )
+
+
+def _converged(calibration: TreeCalibration) -> bool:
+    """Whether it reached a minimum, or no more than crept along what nothing determines."""
+    solution, open_ways = calibration.solution, calibration.uncertainty.unobservable
+    falls = -np.diff(solution.history[-2:])
+    return solution.converged or (bool(open_ways) and bool((falls < _NOTHING).all()))
 
 
 def body_model(calibration: TreeCalibration) -> BodyModel:
@@ -180,8 +188,7 @@ def _frames_of(direction: UnobservableDirection) -> set[str]:
 def _endless(calibration: TreeCalibration) -> str:
     """Say that joints of which limits are not known may be moved further; empty without any."""
     joints = [j for j in calibration.data.joints if not j.follows]
-    cameras = any(sensor.kind == CAMERA for sensor in calibration.data.sensors)
-    if cameras or any(j.motion in WHOLE_POSES for j in joints):
+    if any(j.motion in WHOLE_POSES for j in joints):
         return ""
     names = [f"{j.name!r}" for j in joints if j.lower is None or j.upper is None]
     if not names:
