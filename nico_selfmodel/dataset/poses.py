@@ -40,6 +40,24 @@ def pose_numbers(
     return rank[same.reshape(len(samples))][of_row], visit[of_row]
 
 
+def mean_of_visits(readings: NDArray, visit: NDArray) -> NDArray:
+    """Return readings of which all of a visit are its mean: the last digits of a robot that stands.
+
+    Differences of them are no motion: a sensor that sees none would be blamed for it.
+
+    Args:
+        readings: Of rows. Shape (N, n).
+        visit: Number of each row's visit. Shape (N,).
+    """
+    lead = readings[np.unique(visit, return_index=True)[1]]
+    off = readings - lead[visit]
+    if not off.any():
+        return readings
+    sums = np.zeros_like(lead)
+    np.add.at(sums, visit, off)
+    return np.asarray((lead + sums / np.bincount(visit)[:, None])[visit])
+
+
 def _run_starts(readings: NDArray) -> NDArray:
     """Return for each sample the first of the run in which the robot stands still. Shape (S,)."""
     tolerance = _STANDING * np.ptp(readings, axis=0)

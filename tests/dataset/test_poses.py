@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.held_out import held_out_of
 from nico_selfmodel.dataset.joint_info import JointInfo
-from nico_selfmodel.dataset.poses import pose_numbers
+from nico_selfmodel.dataset.poses import mean_of_visits, pose_numbers
 from nico_selfmodel.errors import DataError
 
 JOINTS = (JointInfo("a", "rad", None), JointInfo("b", "rad", None))
@@ -36,6 +36,14 @@ def test_a_robot_that_stands_still_but_for_the_last_digits_is_at_one_pose():
     pose, visit = pose_numbers(np.arange(5), readings)
     assert pose.tolist() == [0, 1, 1, 2, 1]
     assert visit.tolist() == [0, 1, 1, 2, 3]
+
+
+def test_readings_of_a_robot_that_stands_still_are_their_mean_and_others_stay():
+    readings = np.array([[0.0, 1.0], [2.0, 0.3], [2.0001, 0.30001], [5.0, -1.0], [0.0, 1.0]])
+    visit = pose_numbers(np.arange(5), readings)[1]
+    mean = mean_of_visits(readings, visit)
+    np.testing.assert_allclose(mean[1:3], [[2.00005, 0.300005]] * 2, rtol=1e-12)
+    assert (mean[[0, 3, 4]] == readings[[0, 3, 4]]).all()
 
 
 def test_a_slow_motion_is_no_stand():

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from nico_selfmodel.dataset.body.body_dataset import COLUMNS
 from nico_selfmodel.dataset.body.sensors import SensorInfo
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.bending.what_bends import kept_words
@@ -117,3 +118,25 @@ def test_a_joint_that_is_read_in_another_direction_is_no_louder_one():
     assert verdict.status == "FAIL"
     assert "readings of joint 'j4' would be wrong" in verdict.reasons[0]
     assert 3 not in found.solution.noise.loud
+
+
+def test_a_tracker_is_not_blamed_for_the_last_digits_of_a_robot_that_stands_still():
+    read, sensor = 1e-4, 5e-6
+    arm = one_arm(3, joints=6, poses=70, joint_sigma=0.0, sigma={"points": sensor})
+    table, rng = arm.data.observations, np.random.default_rng(0)
+    # Each pose is recorded twice: the robot stands, its encoders flicker.
+    twice = np.repeat(np.arange(70), 2)
+    values = table.values[twice] + [*sensor * np.ones(3), 0, 0, 0] * rng.normal(size=(140, 6))
+    seen = replace(table, **{key: getattr(table, key)[twice] for key in COLUMNS})
+    flicker = read * rng.normal(size=(140, 6)).clip(-1.0, 1.0)
+    data = replace(
+        arm.data,
+        sample=np.arange(140),
+        readings=arm.data.readings[twice] + flicker,
+        flanges=np.asarray(arm.data.flanges)[twice],
+        approach=np.asarray(arm.data.approach)[twice],
+        observations=replace(seen, pose=np.arange(140), values=values),
+    )
+    assert len(np.unique(data.visit)) == 70
+    found = calibrate_tree(data, effects=())
+    assert found.noise["tracker"] == pytest.approx(sensor, rel=0.6)

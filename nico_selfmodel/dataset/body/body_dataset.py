@@ -17,7 +17,7 @@ from nico_selfmodel.dataset.body.sensors import (
     SensorInfo,
     check_free_joints,
 )
-from nico_selfmodel.dataset.poses import pose_numbers
+from nico_selfmodel.dataset.poses import mean_of_visits, pose_numbers
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vectors_of
 from nico_selfmodel.geometry.transform import transform
@@ -143,9 +143,12 @@ class BodyDataset:
 
     @cached_property
     def si_readings(self) -> NDArray:
-        """Readings in rad and m, zero where a joint has no encoder. Shape (P, n)."""
-        factor = np.array([joint.si_per_unit for joint in self.joints])
-        return np.nan_to_num(self.readings * factor)
+        """Readings in rad and m, of a visit their mean, 0 of a joint without encoder. (P, n)."""
+        return mean_of_visits(self._si_as_read, self.visit)
+
+    @cached_property
+    def _si_as_read(self) -> NDArray:
+        return np.nan_to_num(self.readings * [joint.si_per_unit for joint in self.joints])
 
     @cached_property
     def si_approach(self) -> NDArray:
@@ -182,11 +185,10 @@ class BodyDataset:
     @cached_property
     def _numbers(self) -> tuple[NDArray, NDArray]:
         flanges = self.X_flange[:, self._flange_joints].reshape(len(self.sample), -1)
-        all_read = np.hstack([self.si_readings, flanges])
+        all_read, every = np.hstack([self._si_as_read, flanges]), np.arange(len(self.sample))
         if self.free_joints:  # nobody read whether what moves freely stayed where it was
-            count = len(self.sample)
             seen = self.observations.pose[np.isin(self.seen_on, self.free_joints)]
-            own = np.where(np.isin(np.arange(count), seen), np.arange(count) + 1, 0)
+            own = np.where(np.isin(every, seen), every + 1, 0)
             all_read = np.hstack([all_read, own[:, None]])
         return pose_numbers(self.sample, all_read, self.approach)
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.dataset.poses import mean_of_visits
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.names import listed
@@ -83,7 +84,7 @@ class Observations:
         return cls(
             dataset.joint_names,
             tuple(markers),
-            units.to_radians(dataset.encoders[rows]),
+            units.to_radians(mean_of_visits(dataset.encoders, dataset.visit)[rows]),
             np.array([markers.index(name) for name in dataset.marker[rows].tolist()]),
             p_WH,
             dataset.sample[rows],

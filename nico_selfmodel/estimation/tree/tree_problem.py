@@ -18,6 +18,7 @@ from nico_selfmodel.estimation.noise.pose_noise import PoseWhitening
 from nico_selfmodel.estimation.tree import tree_priors
 from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
 from nico_selfmodel.estimation.tree.contradictions.far_jumps import with_far_jumps
+from nico_selfmodel.estimation.tree.contradictions.unplaced_markers import come_and_go
 from nico_selfmodel.estimation.tree.forward.joint_errors import joint_errors
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
@@ -188,7 +189,7 @@ class TreeProblem:
         found = (standing_out(data, left) if outliers is None else outliers) & trim
         groups = data.groups(found)
         slipped = np.zeros((groups.poses, len(data.noisy_joints)), dtype=bool)
-        known, steps, rounds, returned, final = False, 0, 0, *np.zeros((2, len(found)), dtype=bool)
+        known, steps, rounds, returned = False, 0, 0, np.zeros_like(found)
         while rounds < _ROUNDS:
             linear = self._linear(values, found)
             equations = int((~found[data.row]).sum()) + len(self.priors)
@@ -206,8 +207,7 @@ class TreeProblem:
             settled = not known or self._learned_priors(values, found, slipped)
             if known and trim:
                 by_visit, now_found = self._tested(linear, groups, found, not self._noise_known)
-                # What is set aside again after it came back stays out: rounds went in circles.
-                now_found, final = now_found | final, final | (returned & now_found)
+                now_found = now_found | come_and_go(data.data, returned, found)
                 returned |= found & ~now_found
                 new = data.groups(now_found)
                 now_slipped = by_visit[new.numbers]

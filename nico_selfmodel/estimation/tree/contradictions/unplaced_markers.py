@@ -64,6 +64,25 @@ def hardly_seen(data: BodyDataset, keep: NDArray) -> set[str]:
     return {name for name, count in _sights(data, keep).items() if count < SELDOM}
 
 
+def come_and_go(data: BodyDataset, returned: NDArray, outliers: NDArray) -> NDArray:
+    """Return observations that stay out: set aside again after they had come back.
+
+    Nothing contradicts a lone wrong sight of a marker that may be anywhere, and the next one does.
+    Of markers that others show what is near the limit may come and go.
+
+    Args:
+        data: The recording.
+        returned: Rows of its table that had come back. Boolean, shape (N,).
+        outliers: Rows that are set aside. Boolean, shape (N,).
+
+    Returns:
+        Boolean, shape (N,).
+    """
+    anywhere = hardly_seen(data, ~outliers)
+    own = np.array([marker.name in anywhere for marker in data.markers])
+    return returned & outliers & own[data.observations.marker]
+
+
 def in_the_middle(tree: BodyTree, names: Collection[str]) -> BodyTree:
     """Return a body with markers that may be anywhere in the middle of others of their link.
 
