@@ -286,4 +286,4 @@ def _outliers(document: Mapping[str, Any]) -> None:
         boards = (" and ".join(names[view] for names in files) for view in outliers)
         line(f"boards set aside as outliers: {'; '.join(boards)}")
     else:
-        line(f"training poses set aside as outliers: {len(outliers)} (listed in result.json)")
+        line(f"training poses with outliers set aside: {len(outliers)} (listed in result.json)")

@@ -56,7 +56,9 @@ def contradiction_findings(calibration: TreeCalibration) -> list[Finding]:
             "link they are on, their labels, and the readings of the joints on the way"
         )
         found.append(Finding(FAILURE, text))
-    return [*found, *_of_poses(calibration), *_of_touches(calibration)]
+    # A known body is held against poses as what it knows of noise and itself tells.
+    poses = [] if calibration.anew else _of_poses(calibration)
+    return [*found, *poses, *_of_touches(calibration)]
 
 
 def _of_poses(calibration: TreeCalibration) -> list[Finding]:
