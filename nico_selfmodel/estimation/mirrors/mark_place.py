@@ -26,8 +26,6 @@ GATE_1, GATE_3 = 10.828, 16.266
 _PART = 0.5
 """What the middle of a spot may be off by of which a picture shows a part; set on robots 0 and 1
 [px]."""
-_NOTHING = 1e-18
-"""A variance that is none [m^2]."""
 _STEPS = 20
 _ARRIVED = 1e-6
 """Steps along the surface below which its nearest point is found [m]."""
@@ -237,23 +235,3 @@ def _apart(a: LinkPlace | None, b: LinkPlace | None) -> float:
         return np.inf
     off = a.p_FM - b.p_FM
     return float(off @ np.linalg.solve(a.in_part + b.in_part + a.common + b.common, off))
-
-
-def fused(a: LinkPlace, b: LinkPlace) -> tuple[NDArray, NDArray]:
-    """Return the place of a mark from two looks in its link's frame, and its covariance.
-
-    Each counts by what is its own, both alike across the surface, where that is nothing; what is
-    common stays.
-
-    Args:
-        a: Of one look.
-        b: Of the other, on the same link.
-
-    Returns:
-        Place [m], shape (3,), and covariance, shape (3, 3).
-    """
-    least = max(1e-6 * float(np.trace(a.own + b.own)), _NOTHING) * np.eye(3)
-    share = (a.own + least) @ np.linalg.inv(a.own + b.own + 2.0 * least)
-    place = a.p_FM + share @ (b.p_FM - a.p_FM)
-    own = a.own - share @ a.own
-    return place, 0.5 * (own + own.T) + 0.5 * (a.common + b.common)

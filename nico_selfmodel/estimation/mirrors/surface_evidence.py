@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +11,9 @@ from nico_selfmodel.estimation.mirrors.mark_place import GATE_3
 from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
-from nico_selfmodel.optimization.chi_square import as_rare_as
 
+_MANY = 3
+"""Pictures of which not two may decide."""
 _SAME = 0.01
 """What a camera sees nearer or farther than a place by this is not that place [m]."""
 
@@ -29,6 +31,10 @@ class SurfaceView:
     places: NDArray
     """Chi-square of three degrees of freedom about each pixel; nan where nothing is judged.
     Shape (h, w)."""
+    off: NDArray
+    """What each judged place differs by, row by row [grey levels]. Shape (n, 3)."""
+    covariance: NDArray
+    """Of that. Shape (n, 3, 3)."""
     depth: NDArray
     """Along the optical axis to where the reflection seems to be [m]. Shape (h, w)."""
     labels: NDArray
@@ -42,17 +48,20 @@ def surprising_together(
 ) -> list[NDArray]:
     """Return what of each picture surprises by all pictures of the same places of the surface.
 
-    A place of the surface that m pictures judge has the chi-squares c_1 ... c_m, of three degrees
-    of freedom each. It surprises if
+    Paint differs from what is under it alike in all pictures, by d. With e_1 ... e_m what a place
+    differs by in those that judge it, and C_i their covariances, the least squares for d have
 
-        sum c_i - max c_i > T(n, 3 (m - 1)),    n P(chi^2_(3 (m - 1)) > T) = the false alarms
+        z^2 = b' (sum C_i^-1)^-1 b,    b = sum C_i^-1 e_i
 
-    and if, of three or more, also those without the two largest together differ as one place in a
-    thousand does. No picture counts alone, nor do two: what one camera sees on the glass lies
-    before other places of the surface for another, but in two mirrors before nearly the same ones
-    for the same camera. The sum without its largest part is at most that of any m - 1 parts, so
-    that T is exceeded at most as often as is said if pictures err independently. Such a place
-    surprises in every picture that shows it, however little it does in that one alone.
+    of three degrees of freedom. A place surprises if
+
+        z^2 > T(n),    n P(chi^2_3 > T) = the false alarms
+
+    and if, whichever picture is left out, or of three or more whichever two, z^2 exceeds what one
+    place in a thousand does. No picture counts alone, nor do two: what one camera sees on the glass
+    lies before other places of the surface for another, but in two mirrors before nearly the same
+    ones for the same camera. Such a place surprises in every picture that shows it, however little
+    it does in that one alone.
 
     Args:
         views: All pictures of the body in mirrors.
@@ -62,50 +71,63 @@ def surprising_together(
         For each picture which pixels. Shape (h, w) each.
     """
     count = sum(int(np.isfinite(view.places).sum()) for view in views)
+    least = threshold_of(count, 3)
     above = [np.zeros(view.places.shape, dtype=bool) for view in views]
     for view in views:
-        for mask, (rows, columns) in zip(
-            above, _together(view, views, count, threshold_of), strict=True
-        ):
+        for mask, (rows, columns) in zip(above, _together(view, views, least), strict=True):
             mask[rows, columns] = True
     return above
 
 
 def _together(
-    view: SurfaceView,
-    views: Sequence[SurfaceView],
-    count: int,
-    threshold_of: Callable[[int, int], float],
+    view: SurfaceView, views: Sequence[SurfaceView], least: float
 ) -> list[tuple[NDArray, NDArray]]:
     """Return where each picture shows the places of one picture that surprise by all of them."""
     rows, columns = np.nonzero(np.isfinite(view.places))
-    labels, p_FQ = _on_links(view, rows, columns)
+    labels, p_FQ = on_links(view, rows, columns)
     shown = [_shown(other, labels, p_FQ) for other in views]
     each = np.array([chi_square for chi_square, _, _ in shown])
-    judged = np.isfinite(each)
-    filled = np.where(judged, each, 0.0)
-    number = judged.sum(axis=0)
-    least = np.array(
-        [np.inf, np.inf, *(threshold_of(count, 3 * (m - 1)) for m in range(2, 1 + len(views)))]
-    )
-    rest = filled.sum(axis=0) - filled.max(axis=0)
-    found = (rest > least[number]) & _without_two(filled, number)
-    return [(v[found & own], u[found & own]) for own, (_, v, u) in zip(judged, shown, strict=True)]
+    filled = np.nan_to_num(each)
+    may = np.flatnonzero(filled.sum(axis=0) > least)  # z^2 is at most this
+    shown, judged = [(v[may], u[may]) for _, v, u in shown], np.isfinite(each[:, may])
+    W, b = _told(views, shown, judged)
+    numbers = range(len(views))
+    rest = [
+        np.min([_without(W, b, some) for some in combinations(numbers, k)], axis=0) for k in (1, 2)
+    ]
+    rest = np.where(judged.sum(axis=0) < _MANY, *rest)
+    found = (_without(W, b, ()) > least) & (rest > GATE_3)
+    return [(v[found & own], u[found & own]) for own, (v, u) in zip(judged, shown, strict=True)]
 
 
-def _without_two(filled: NDArray, number: NDArray) -> NDArray:
-    """Return which places still differ as one in a thousand does without their two largest parts.
+def _told(
+    views: Sequence[SurfaceView], shown: Sequence[tuple[NDArray, NDArray]], judged: NDArray
+) -> tuple[NDArray, NDArray]:
+    """Return C^-1 and C^-1 e of places in each picture, 0 where it does not judge them.
 
-    Args:
-        filled: Chi-square in each picture, 0 where it does not judge. Shape (m, N).
-        number: Pictures that judge a place; it passes where there are fewer than three. Shape (N,).
+    Shapes (m, N, 3, 3) and (m, N, 3).
     """
-    rest = np.sort(filled, axis=0)[:-2].sum(axis=0)
-    least = [0.0] * 3 + [as_rare_as(GATE_3, 3, 3 * (m - 2)) for m in range(3, 1 + len(filled))]
-    return rest >= np.array(least)[number]
+    W, b = np.zeros((*judged.shape, 3, 3)), np.zeros((*judged.shape, 3))
+    for k, (view, (v, u), own) in enumerate(zip(views, shown, judged, strict=True)):
+        number = np.cumsum(np.isfinite(view.places)).reshape(view.places.shape) - 1
+        which = number[v[own], u[own]]
+        W[k, own] = np.linalg.inv(view.covariance[which])
+        b[k, own] = np.einsum("nij,nj->ni", W[k, own], view.off[which])
+    return W, b
 
 
-def _on_links(view: SurfaceView, rows: NDArray, columns: NDArray) -> tuple[NDArray, NDArray]:
+def _without(W: NDArray, b: NDArray, left_out: Sequence[int]) -> NDArray:
+    """Return z^2 without some pictures; 0 where no other judges. Shape (N,)."""
+    kept = [k for k in range(len(W)) if k not in left_out]
+    total, told = W[kept].sum(axis=0), b[kept].sum(axis=0)
+    some = np.trace(total, axis1=1, axis2=2) > 0.0
+    found = np.zeros(len(told))
+    each = np.linalg.solve(total[some], told[some][:, :, None])[:, :, 0]
+    found[some] = np.sum(told[some] * each, axis=1)
+    return found
+
+
+def on_links(view: SurfaceView, rows: NDArray, columns: NDArray) -> tuple[NDArray, NDArray]:
     """Return the link of each pixel, and its place in that link's frame. (N,) and (N, 3)."""
     camera = view.rig.rig.cameras[view.side]
     ideal = camera.undistort(np.stack([columns, rows], axis=1).astype(float))

@@ -1,7 +1,7 @@
 """Finds marks on oneself: what two looks into mirrors both put to one place of one link."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +15,19 @@ from nico_selfmodel.estimation.mirrors.mark_place import (
     PosedBody,
     Spot,
     agreeing,
-    fused,
     spot_of,
 )
 from nico_selfmodel.estimation.mirrors.other_sight import nearest_depth, other_sights
-from nico_selfmodel.estimation.mirrors.surface_evidence import SurfaceView, surprising_together
-from nico_selfmodel.geometry.solids.solid import Solid
-from nico_selfmodel.geometry.transform import apply
+from nico_selfmodel.estimation.mirrors.painted_disc import SurfacePixels, light_of, painted_disc
+from nico_selfmodel.estimation.mirrors.surface_evidence import (
+    SurfaceView,
+    on_links,
+    surprising_together,
+)
+from nico_selfmodel.geometry.solids.solid import Solid, distance_to_solids, onto_solids
+from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
+from nico_selfmodel.plant.link_surfaces import LinkSurface
 from nico_selfmodel.sessions.mirrors.expecting import MirrorLook, Unknown
 from nico_selfmodel.sessions.mirrors.known_body import KnownBody
 from nico_selfmodel.systems.rendering.body_image import BodyImage
@@ -33,12 +38,21 @@ from nico_selfmodel.vision.surprise.seen_places import (
     seen_places,
     spots_at,
 )
-from nico_selfmodel.vision.surprise.spot_middle import Middle, middle_of
+from nico_selfmodel.vision.surprise.spot_middle import Middle, middle_of, pixels_about
 from nico_selfmodel.vision.surprise.surprise import Surprise
 
 PIXEL_SIGMA, LENS_SIGMA = 0.08, 0.07
 """What the middle of a spot is not known by besides its fit: in each look by itself, and alike in
 all, as where the learned body is seen; set on robots 900 and 950 [px]."""
+
+DISC_SIGMA = 0.03
+"""What the disc of paint in each picture is not known by by itself, besides its fit; set on robot
+1846 [px]."""
+_ASIDE, _BACK = 1e-4, 5e-3
+"""How far beside a place it is asked how pixels move, and how far before what is rendered its
+surface is looked for [m]."""
+_ABOUT = 6.0
+"""Radius of a mark, about which is looked for more of it [px]."""
 
 Pair = tuple[MirrorLook, MirrorLook]
 Told = list[tuple[Spot, bool]]
@@ -99,7 +113,8 @@ class MarkFinder:
         Returns:
             Marks on me, then those on the glass, then those elsewhere.
         """
-        together = self._together(names, looks)
+        views = self._views(names, looks)
+        together = surprising_together(views, _together_bound)
         first = self._spots(names[0], looks[0], changes, together[:2])
         second = self._spots(names[1], looks[1], None, together[2:])
         found = self._agreed(first, second)
@@ -110,11 +125,13 @@ class MarkFinder:
         others = ((looks[1], [look.surprise for look in looks[1]]), (looks[0], seen))
         for spots, (pair, judged), name in zip((first, second), others, names[::-1], strict=True):
             found += [
-                Finding(ON_ME, p.link, p.p_FM, p.own + p.common, (spot,))
+                _on_me(p, (spot,))
                 for spot, strong in spots
                 if (p := spot.place) is not None and strong and id(spot) not in known
                 and self._unrefuted(p, name, pair, judged)
             ]  # fmt: skip
+        rest = (None, None, None, None) if changes is None else (*changes, None, None)
+        found = [self._middled(one, views, [*looks[0], *looks[1]], rest) for one in found]
         for kind in (ON_GLASS, NOT_ON_ME):
             found += [
                 Finding(kind, None, None, None, (spot,))
@@ -123,18 +140,20 @@ class MarkFinder:
             ]
         return tuple(found)
 
-    def _together(self, names: Sequence[str], looks: Sequence[Pair]) -> list[NDArray]:
-        """Return what of each picture surprises by all of them. Shape (h, w) each."""
+    def _views(self, names: Sequence[str], looks: Sequence[Pair]) -> list[SurfaceView]:
+        """Return all pictures as views of the own surface."""
         views = []
         for k, (name, pair) in enumerate(zip(names, looks, strict=True)):
             rig = MirrorRig(self._known.model.rig, self._known.mirror(name))
             posed = self._image.poses(pair[0].readings)
             poses = {number: posed[link] for number, link in self._image.links.items()}
-            views += [
-                SurfaceView(k, side, rig, look.surprise.chi_square, look.depth, look.labels, poses)
-                for side, look in enumerate(pair)
-            ]
-        return surprising_together(views, _together_bound)
+            for side, look in enumerate(pair):
+                own = look.surprise
+                assert own.off is not None
+                assert own.covariance is not None
+                views.append(SurfaceView(k, side, rig, own.chi_square, own.off, own.covariance,
+                                         look.depth, look.labels, poses))  # fmt: skip
+        return views
 
     def _agreed(self, first: Told, second: Told) -> list[Finding]:
         """Return the marks that both looks put to one place."""
@@ -144,9 +163,31 @@ class MarkFinder:
             assert a.place is not None
             assert b.place is not None
             if id(a) in certain or id(b) in certain:
-                place, covariance = fused(a.place, b.place)
-                found.append(Finding(ON_ME, a.place.link, place, covariance, (a, b)))
+                better = min(a.place, b.place, key=lambda place: np.trace(place.own))
+                found.append(_on_me(better, (a, b)))
         return found
+
+    def _middled(
+        self,
+        found: Finding,
+        views: Sequence[SurfaceView],
+        looks: Sequence[MirrorLook],
+        changes: Sequence[Surprise | None],
+    ) -> Finding:
+        """Return a mark on me with its middle by all pictures of the surface about it."""
+        assert found.link is not None
+        assert found.p_FM is not None
+        surface = self._image.surfaces[found.link]
+        (number,) = (k for k, name in self._image.links.items() if name == found.link)
+        each = [
+            _about(found.p_FM, number, surface, *one)
+            for one in zip(views, looks, changes, strict=True)
+        ]
+        p_FM, own = painted_disc(
+            [one for one in each if one is not None], surface.solids, found.p_FM, DISC_SIGMA
+        )
+        common = [spot.place.common for spot in found.spots if spot.place is not None]
+        return replace(found, p_FM=p_FM, covariance=own + np.mean(common, axis=0))
 
     def _unrefuted(
         self, place: LinkPlace, name: str, pair: Pair, surprises: Sequence[Surprise]
@@ -269,3 +310,45 @@ def _of(spots: Told, kind: str) -> list[Spot]:
 
 def _together_bound(places: int, freedom: int) -> float:
     return threshold_of(places, FALSE_ALARM, freedom)
+
+
+def _on_me(place: LinkPlace, spots: tuple[Spot, ...]) -> Finding:
+    return Finding(ON_ME, place.link, place.p_FM, place.own + place.common, spots)
+
+
+def _about(
+    p_FM: NDArray,
+    number: int,
+    surface: LinkSurface,
+    view: SurfaceView,
+    look: MirrorLook,
+    change: Surprise | None,
+) -> SurfacePixels | None:
+    """Return a picture's pixels about a place of a link; None where hardly any is judged."""
+    X_WF = view.poses[number]
+    near = apply(X_WF, p_FM + _ASIDE * np.vstack([np.zeros(3), np.eye(3)]))
+    pixels = view.rig.project(near)[:, 2 * view.side : 2 * view.side + 2]
+    parts = [look.surprise] if change is None else [look.surprise, change]
+    if not np.isfinite(pixels).all():
+        return None
+    u, v = float(pixels[0, 0]), float(pixels[0, 1])
+    seen = pixels_about(u, v, _ABOUT, look.picture, parts)
+    if seen is None:
+        return None
+    columns, rows = seen.at.astype(int).T
+    own = view.labels[rows, columns] == number
+    p_FQ, colors = np.full((2, len(own), 3), np.nan)
+    # What is rendered are polygons, that lie inside of the surface by up to half a millimetre.
+    shown = on_links(view, rows[own], columns[own])[1]
+    ways = shown - apply(inverse(X_WF), view.rig.virtual.cameras[view.side].X_WC[None, :3, 3])
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    p_FQ[own] = onto_solids(surface.solids, shown - _BACK * ways, ways)
+    own = np.isfinite(p_FQ).all(axis=1)
+    colors[own] = 255.0 * surface.colors[distance_to_solids(surface.solids, p_FQ[own])[1], ::-1]
+    light = light_of(seen.at, seen.under, colors)
+    p_FQ[np.isnan(light[:, 0])] = np.nan
+    by_place = (pixels[1:] - pixels[0]).T / _ASIDE
+    surprising = seen.chi_square > threshold_of(len(rows))
+    return SurfacePixels(
+        seen.at, p_FQ, seen.seen, seen.under, light, seen.inverse, by_place, surprising
+    )

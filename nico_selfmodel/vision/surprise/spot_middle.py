@@ -55,7 +55,7 @@ class Middle:
 
 
 @dataclass(frozen=True, eq=False)
-class _Pixels:
+class SpotPixels:
     """Judged pixels about a spot."""
 
     at: NDArray
@@ -87,7 +87,7 @@ def middle_of(blob: Blob, picture: NDArray, parts: Sequence[Surprise]) -> Middle
         they are apart; what surprises about an ellipse and is not blurred from it is such a part.
     """
     radius = float(np.sqrt(max(blob.area, _SMALLEST) / np.pi))
-    pixels = _about(blob, radius, picture, parts)
+    pixels = pixels_about(blob.u, blob.v, radius, picture, parts)
     if pixels is None:
         return Middle(blob.u, blob.v, radius)
     fit = _fitted(pixels, np.array([blob.u, blob.v, 1.0 / radius, 0.0, 1.0 / radius]))
@@ -108,7 +108,7 @@ def _holds(x: NDArray, parts: Sequence[tuple[float, float]]) -> bool:
     return all(float(np.linalg.norm(M @ (np.array(part) - x[:2]))) <= 1.0 for part in parts)
 
 
-def _unexplained(pixels: _Pixels, x: NDArray) -> NDArray:
+def _unexplained(pixels: SpotPixels, x: NDArray) -> NDArray:
     """Return the pixels that surprise beyond chance, and not by the paint of an ellipse. (k, 2)."""
     M, y = np.array([[x[2], x[3]], [x[3], x[4]]]), pixels.at - x[:2]
     apart = np.linalg.norm(y @ M, axis=1) + 1e-9
@@ -126,12 +126,20 @@ def _between(parts: Sequence[ArrayLike]) -> Middle:
     return Middle(float(u), float(v), 0.5 * float(apart.max()))
 
 
-def _about(
-    blob: Blob, radius: float, picture: NDArray, parts: Sequence[Surprise]
-) -> _Pixels | None:
-    """Return the judged pixels about a spot; None where there are hardly any."""
+def pixels_about(
+    u: float, v: float, radius: float, picture: NDArray, parts: Sequence[Surprise]
+) -> SpotPixels | None:
+    """Return the judged pixels about a spot; None where there are hardly any.
+
+    Args:
+        u: Column of its middle [px].
+        v: Row of its middle [px].
+        radius: Of it [px].
+        picture: What was seen, BGR. Shape (h, w, 3).
+        parts: What differs from expectations, as of `middle_of`.
+    """
     reach = int(np.ceil(radius)) + _AROUND
-    column, row = round(blob.u), round(blob.v)
+    column, row = round(u), round(v)
     first = [max(at - reach - _BEYOND, 0) for at in (row, column)]
     window = tuple(
         slice(start, at + reach + _BEYOND + 1)
@@ -139,7 +147,7 @@ def _about(
     )
     inside: NDArray = np.indices(picture[window].shape[:2])
     rows, columns = inside[0] + first[0], inside[1] + first[1]
-    left = np.hypot(columns - blob.u, rows - blob.v) <= reach
+    left = np.hypot(columns - u, rows - v) <= reach
     found: list[tuple[NDArray, ...]] = []
     for part in parts:
         expected = part.expected
@@ -163,7 +171,7 @@ def _about(
         left &= ~judged
     if sum(len(at) for at, *_ in found) < _SMALLEST:
         return None
-    return _Pixels(*(np.concatenate(each) for each in zip(*found, strict=True)))
+    return SpotPixels(*(np.concatenate(each) for each in zip(*found, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +193,7 @@ def _radius(x: NDArray) -> float:
     return float((x[2] * x[4] - x[3] ** 2) ** -0.5)
 
 
-def _covered(pixels: _Pixels, x: NDArray) -> tuple[NDArray, NDArray]:
+def _covered(pixels: SpotPixels, x: NDArray) -> tuple[NDArray, NDArray]:
     """Return how far an ellipse covers pixels, shape (n,), and the slopes of that, shape (n, 5)."""
     M, y = np.array([[x[2], x[3]], [x[3], x[4]]]), pixels.at - x[:2]
     z = y @ M
@@ -198,7 +206,7 @@ def _covered(pixels: _Pixels, x: NDArray) -> tuple[NDArray, NDArray]:
     return 0.5 * (1.0 - edge), slopes
 
 
-def _fitted(pixels: _Pixels, start: NDArray) -> _Fit:
+def _fitted(pixels: SpotPixels, start: NDArray) -> _Fit:
     """Fit an ellipse from a circle."""
     x, sigma = start, np.inf
     prior = np.array([1e-3, 1e-3, *3 * [(_ROUND * start[2]) ** -2]])
@@ -224,7 +232,7 @@ def _within(x: NDArray, start: NDArray) -> NDArray:
     return np.array([x[0], x[1], M[0, 0], M[0, 1], M[1, 1]])
 
 
-def _told(pixels: _Pixels, x: NDArray) -> float:
+def _told(pixels: SpotPixels, x: NDArray) -> float:
     """Return the share of an ellipse and what is about it in which a pixel tells of its paint."""
     radius = _radius(x)
     wider = np.array([*x[:2], *(x[2:] * radius / (radius + _RING))])
@@ -233,7 +241,7 @@ def _told(pixels: _Pixels, x: NDArray) -> float:
     return min(float(np.sum(inside & (variance < _TOLD))) / (np.pi * (radius + _RING) ** 2), 1.0)
 
 
-def _shares(pixels: _Pixels, covered: NDArray) -> tuple[NDArray, NDArray]:
+def _shares(pixels: SpotPixels, covered: NDArray) -> tuple[NDArray, NDArray]:
     """Return which shares of pixels are covered by the paint of a spot, and their variances."""
     inner = np.maximum(covered - 0.5, 0.0) + 1e-6 * covered + 1e-12
     paint = inner @ pixels.seen / inner.sum()

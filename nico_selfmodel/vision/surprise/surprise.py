@@ -68,6 +68,10 @@ class Surprise:
     """How much brighter the picture is than expected."""
     expected: Expectation | None = None
     """What was expected, if it is known."""
+    off: NDArray | None = None
+    """ē of the judged places, row by row. Shape (n, 3)."""
+    covariance: NDArray | None = None
+    """Its covariance. Shape (n, 3, 3)."""
 
     def __post_init__(self) -> None:
         """Make the array read-only."""
@@ -146,7 +150,7 @@ def surprise(picture: NDArray, expected: Expectation) -> Surprise:
     mean = np.stack(means, axis=1)
     chi_square = np.full(judged.shape, np.nan)
     chi_square[whole] = np.sum(mean * np.linalg.solve(total, mean[:, :, None])[:, :, 0], axis=1)
-    return Surprise(chi_square, gain, expected)
+    return Surprise(chi_square, gain, expected, mean, total)
 
 
 def _mean_at(judged: NDArray, whole: NDArray, each: NDArray) -> NDArray:

@@ -1,0 +1,136 @@
+"""The middle of a disc of paint on a known surface, of which pictures may show a part."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.estimation.mirrors.painted_disc import SurfacePixels, light_of, painted_disc
+from nico_selfmodel.geometry.rotation import tangent_basis
+from nico_selfmodel.geometry.solids.solid import (
+    Solid,
+    distance_to_solids,
+    normals_of_solids,
+    onto_solids,
+)
+from nico_selfmodel.geometry.transform import transform
+
+NOISE, RADIUS, PIXEL = 2.0, 5e-3, 1.5e-3
+BALL = Solid("ellipsoid", (0.06, 0.06, 0.06), np.eye(4))
+CAP = Solid("box", (0.13, 0.13, 0.06), transform(np.eye(3), [0.0, 0.0, 0.05]))
+"""About the upper part of the ball: its lower side is at z = 20 mm, its front at x = 65 mm."""
+COLORS = np.array([[200.0, 180.0, 160.0], [60.0, 110.0, 140.0]])
+PAINT = np.array([150.0, 190.0, 190.0])
+LIGHT = np.array([0.8, 0.0, 0.6])
+
+
+def sights(way, at):
+    """Return where lines of sight through a square of pixels begin, and how pixels lie."""
+    across = tangent_basis(np.array(way))
+    v, u = np.mgrid[-12:13, -12:13].reshape(2, -1)
+    pixels = np.stack([u, v], axis=1).astype(float)
+    return pixels, at + PIXEL * pixels @ across.T - 0.1 * np.array(way), across
+
+
+def shown(solids, p_FQ, x, paint):
+    """Return the colours of places, under a disc of paint about one of them if so wished."""
+    normals = normals_of_solids(solids, p_FQ)
+    light = 0.3 + 0.7 * np.maximum(normals @ LIGHT, 0.0)[:, None]
+    plain = COLORS[distance_to_solids(solids, p_FQ)[1] if len(solids) > 1 else 0] * light
+    E = tangent_basis(normals_of_solids(solids, x[None])[0])
+    normal = np.cross(*E.T)
+    y = (p_FQ - x) @ E
+    laid = onto_solids(solids, x + y @ E.T + RADIUS * normal, -normal)
+    on = (np.linalg.norm(y, axis=1) < RADIUS) & (np.linalg.norm(laid - p_FQ, axis=1) < 5e-4)
+    return np.where(on[:, None] & paint, PAINT * light, plain)
+
+
+def picture(solids, x, way, rng, at=None):
+    """Return a picture of a mark, nine samples a pixel."""
+    pixels, start, across = sights(way, x if at is None else at)
+    fine = PIXEL / 3.0 * (np.mgrid[-1:2, -1:2].reshape(2, -1).T @ across.T)
+    seen, under = np.zeros((2, len(pixels), 3))
+    for step in fine:
+        met = onto_solids(solids, start + step, np.array(way))
+        known = np.isfinite(met).all(axis=1)
+        for colors, paint in ((seen, True), (under, False)):
+            colors += 110.0 / 9.0
+            colors[known] += (shown(solids, met[known], x, paint) - 110.0) / 9.0
+    p_FQ = onto_solids(solids, start, np.array(way))
+    known = np.isfinite(p_FQ).all(axis=1)
+    colors = np.full(p_FQ.shape, np.nan)
+    colors[known] = COLORS[distance_to_solids(solids, p_FQ[known])[1]]
+    light = light_of(pixels, under, colors)
+    p_FQ[np.isnan(light[:, 0])] = np.nan
+    off = seen - under
+    seen += NOISE * rng.standard_normal(seen.shape)
+    inverse = np.tile(np.eye(3) / NOISE**2, (len(pixels), 1, 1))
+    surprising = np.linalg.norm(off, axis=1) > 10.0
+    return SurfacePixels(
+        pixels, p_FQ, seen, under, light, inverse, across.T / PIXEL, surprising
+    )  # fmt: skip
+
+
+def on_ball(longitude, latitude):
+    """Return a place on the ball [deg]."""
+    a, b = np.radians([longitude, latitude])
+    return 0.06 * np.array([np.cos(a) * np.cos(b), np.sin(a) * np.cos(b), np.sin(b)])
+
+
+def looking(longitude, latitude):
+    """Return a direction that looks at a place of the ball from outside [deg]."""
+    return -on_ball(longitude, latitude) / 0.06
+
+
+CASES = {
+    "lit from one side": ([BALL], on_ball(0.0, -30.0), 0.0),
+    "at the outline": ([BALL], on_ball(75.0, 0.0), 1.0),
+    "below what hides a part": ([BALL, CAP], on_ball(0.0, 18.0), 0.5),
+}
+"""Solids, a place on them, and how far off the middle of what is seen there is at least [mm]."""
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_middle_is_that_of_the_disc_not_of_what_is_seen_of_it(case):
+    solids, x, least = CASES[case]
+    along = tangent_basis(normals_of_solids(solids, x[None])[0]).T
+    square, off = [], []
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        each = [picture(solids, x, looking(k, 5.0), rng) for k in (-4.0, 4.0)]
+        seen = [np.nanmean(one.p_FQ[one.surprising], axis=0) - x for one in each]
+        assert 1e3 * max(map(np.linalg.norm, seen)) > least
+        found, covariance = painted_disc(each, solids, x + 1e-3 * rng.standard_normal(3), 0.03)
+        e, C = along @ (found - x), along @ covariance @ along.T
+        square.append(float(e @ np.linalg.solve(C, e)) / 2.0)
+        off.append(1e3 * np.linalg.norm(e))
+    assert np.mean(square) < 2.5
+    assert max(off) < 0.5
+
+
+@pytest.mark.parametrize(("across", "told"), [(3.0, False), (6.0, True)])
+def test_a_spot_of_too_few_pixels_is_known_to_its_radius(across, told):
+    x, rng = on_ball(0.0, 0.0), np.random.default_rng(1)
+    one = picture([BALL], x, looking(0.0, 0.0), rng)
+    seen = np.linalg.norm(one.at, axis=1) < across
+    few = replace(one, p_FQ=np.where(seen[:, None], one.p_FQ, np.nan))
+    middle, covariance = painted_disc([few], [BALL], x, 0.03)
+    sigma = np.sqrt(np.linalg.eigvalsh(covariance))
+    if told:
+        assert sigma.max() < 0.5e-3
+    else:
+        assert middle == pytest.approx(x)
+        radius = PIXEL * np.sqrt((one.surprising & seen).sum() / np.pi)
+        assert sigma == pytest.approx([radius] * 3)
+
+
+def test_light_is_told_by_what_is_inside_of_a_colour_not_by_its_edge():
+    v, u = np.mgrid[:9, :12].reshape(2, -1)
+    colors = COLORS[(u > 5).astype(int)]
+    under = 0.5 * colors
+    under[u == 5] = 0.25 * (COLORS[0] + COLORS[1])
+    colors = np.where((u < 10)[:, None], colors, np.nan)
+    light = light_of(np.stack([u, v], axis=1).astype(float), under, colors)[:, 0]
+    inside = (u < 10) & (v > 0) & (v < 8) & (u > 0)
+    assert light[inside] == pytest.approx(0.5)
+    assert np.isnan(light[u >= 10]).all()
