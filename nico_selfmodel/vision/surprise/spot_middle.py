@@ -83,7 +83,7 @@ def middle_of(blob: Blob, picture: NDArray, parts: Sequence[Surprise]) -> Middle
         Middle of the fitted ellipse. Its sigma is that of the fit, and grows with the share of the
         spot and what is about it that tells nothing. The blob's middle, known to its radius, where
         there is nothing to fit; where a spot is seen in parts that are not of one such ellipse, as
-        where paint crosses colours that it is like, the middle between them, known to half of what
+        where paint crosses colours that it is like, the same, known to half of what
         they are apart; what surprises about an ellipse and is not blurred from it is such a part.
     """
     radius = float(np.sqrt(max(blob.area, _SMALLEST) / np.pi))
@@ -94,10 +94,10 @@ def middle_of(blob: Blob, picture: NDArray, parts: Sequence[Surprise]) -> Middle
     if np.hypot(fit.x[0] - blob.u, fit.x[1] - blob.v) > radius + _AROUND:
         return Middle(blob.u, blob.v, radius)
     if not _holds(fit.x, blob.parts):
-        return _between(blob.parts)
+        return _in_parts(blob, blob.parts)
     rest = _unexplained(pixels, fit.x)
     if len(rest):
-        return _between([fit.x[:2], rest.mean(axis=0)])
+        return _in_parts(blob, [fit.x[:2], rest.mean(axis=0)])
     sigma = np.hypot(fit.sigma, _UNSEEN * (1.0 - _told(pixels, fit.x)) * fit.radius)
     return Middle(float(fit.x[0]), float(fit.x[1]), float(sigma))
 
@@ -117,13 +117,14 @@ def _unexplained(pixels: SpotPixels, x: NDArray) -> NDArray:
     return pixels.at[surprising & (beyond > _BLURRED)]
 
 
-def _between(parts: Sequence[ArrayLike]) -> Middle:
-    """Return the middle between the parts that are farthest from each other, known to half."""
+def _in_parts(blob: Blob, parts: Sequence[ArrayLike]) -> Middle:
+    """Return the blob's middle, known to half of how far the farthest parts are apart.
+
+    The middle between these would be beside the body where one is an outline's.
+    """
     each = np.array(parts, dtype=float)
     apart = np.linalg.norm(each[:, None] - each, axis=2)
-    first, last = np.unravel_index(int(np.argmax(apart)), apart.shape)
-    u, v = 0.5 * (each[first] + each[last])
-    return Middle(float(u), float(v), 0.5 * float(apart.max()))
+    return Middle(blob.u, blob.v, 0.5 * float(apart.max()))
 
 
 def pixels_about(
