@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.judging import result_of
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_findings import described_words
@@ -128,6 +129,15 @@ def test_what_the_user_states_stays():
         "learned": False,
     }
     assert found.ladder.solution.problem.priors["j2.x"] == (0.0, 0.007)
+
+
+def test_a_joint_that_moves_the_other_way_than_described_is_named():
+    sim = one_arm(4, joints=4, markers=3, poses=30)
+    robot = described(sim, 4, 1.0, 4.0)
+    readings = np.array(sim.data.readings)
+    readings[:, 2] *= -1.0
+    with pytest.raises(DataError, match="'j3' moves the other way than described"):
+        calibrate_tree(replace(sim.data, readings=readings), description=robot, effects=())
 
 
 @pytest.mark.parametrize("word", ["2", "2,x", "0,1", "1,-1", "", "1,2,3", "nan,1"])

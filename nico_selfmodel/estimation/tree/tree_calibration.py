@@ -221,7 +221,7 @@ def calibrate_tree(
     def search(data: BodyDataset) -> FoundStart:
         return searched_start(data, blank, description, wishes, seed, guessed)
 
-    found = start_in_stated_units(data, moving, search)
+    found = start_in_stated_units(data, moving, search, described=description is not None)
     first = agreeing_start(found.start, found.tree, wishes, found.scalars, found.begin)
     held, masses = frozenset(wishes.pins.pinned), description and description.masses
     bends = partial(_bent, held=held, effects=effects, up=up, seed=seed, masses=masses)

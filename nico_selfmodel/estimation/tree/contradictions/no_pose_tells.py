@@ -41,7 +41,7 @@ def told_by_no_pose(
         One for each of `known.unobservable`; False of bodies with poses that are read or learned as
         a whole, which are drawn from no joints, and of lenses, which pictures would tell.
     """
-    data, lenses = problem.observations.data, problem.residuals.parameters.of_lenses
+    data, lenses = problem.observations.data, problem.residuals.parameters.layout.of_lenses
     whole = any(joint.motion in WHOLE_POSES for joint in data.joints)
     if not known.unobservable or whole:
         return (False,) * len(known.unobservable)

@@ -1,4 +1,4 @@
-"""Joints of a body read in another unit than stated: mended, the same recording fits."""
+"""Joints read in another unit than stated, or the other way round: mended, the recording fits."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,18 +10,22 @@ from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import DataError, SelfModelError
 from nico_selfmodel.estimation.diagnosis.mistaken_units import OTHER_UNIT, mistaken_units
 from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart
-from nico_selfmodel.model.tree.body_tree import REVOLUTE
+from nico_selfmodel.model.tree.body_tree import REVOLUTE, WHOLE_POSES
 from nico_selfmodel.names import listed
 
 _SMALLER = 2.0
 """Times that errors are smaller with a unit that is mended, at least."""
+_POOR = 4.0
+"""Robust cost a scalar of a first body from which on errors are several times a sensor's."""
 
 Search = Callable[[BodyDataset], FoundStart]
 """Finds a first body of a recording."""
 
 
-def start_in_stated_units(data: BodyDataset, moving: NDArray, search: Search) -> FoundStart:
-    """Return a first body; refuse readings that fit in another unit than stated.
+def start_in_stated_units(
+    data: BodyDataset, moving: NDArray, search: Search, *, described: bool = False
+) -> FoundStart:
+    """Return a first body; refuse readings that fit in another unit, or the other way round.
 
     Spans of the joints tell which units are in doubt. They are wrong where a body learned anew
     from the mended readings leaves errors that are far smaller. That of one joint spoils all.
@@ -30,10 +34,38 @@ def start_in_stated_units(data: BodyDataset, moving: NDArray, search: Search) ->
         data: The recording.
         moving: Which joints move anything that was seen. Boolean, shape (n,).
         search: Finds a first body.
+        described: Whether a description tells which way joints turn.
 
     Raises:
         DataError: If there are such joints; it names them and their unit.
     """
+    found = _in_stated_units(data, moving, search)
+    if described and found.start.cost > _POOR * found.scalars:
+        _refuse_reversed(found, data, moving, search)
+    return found
+
+
+def _refuse_reversed(found: FoundStart, data: BodyDataset, moving: NDArray, search: Search) -> None:
+    """Refuse readings of a joint that fit far better with their sign changed."""
+    better = []
+    for i in np.flatnonzero(moving).tolist():
+        if data.joints[i].motion in WHOLE_POSES or data.joints[i].follows:
+            continue
+        factors = np.ones(len(data.joints))
+        factors[i] = -1.0
+        mended = _tried(_times(data, factors), search)
+        if isinstance(mended, FoundStart) and _is_better(mended, found):
+            better.append((mended.start.cost, data.joints[i].name))
+    if better:
+        raise DataError(
+            f"{min(better)[1]!r} moves the other way than described: with its readings negated the "
+            f"same observations fit; say `sign: -1` of it in data set {data.name!r}, or turn its "
+            "axis in the robot's description"
+        )
+
+
+def _in_stated_units(data: BodyDataset, moving: NDArray, search: Search) -> FoundStart:
+    """Return a first body; refuse readings that fit in another unit than stated."""
     factors = _in_doubt(data, moving)
     if (factors == 1.0).all():
         return search(data)
