@@ -46,31 +46,28 @@ class WorkspaceAccuracy:
         return float(np.sum(self.learned**2) / max(np.sum(self.total**2), 1e-300))
 
 
-def workspace_accuracy(
-    model: SelfModel, readings: ArrayLike, marker: str | None = None
-) -> WorkspaceAccuracy:
-    """Split the hand's uncertainty at poses into what data cure and what mechanics leave.
+def workspace_accuracy(model: SelfModel, readings: ArrayLike) -> WorkspaceAccuracy:
+    """Split the uncertainty of the hand's first point into what data cure and mechanics leave.
 
     Args:
         model: The body with its covariance; with cameras its world is the left one's frame.
         readings: Encoder readings, in their own units. Shape (N, n).
-        marker: Which tracked point; the first if omitted.
 
     Returns:
         Figures at every pose.
 
     Raises:
         ModelError: If the model has no covariance or states no noise.
-        ValueError: If the readings have not n columns, or the marker does not exist.
+        ValueError: If the readings have not n columns.
     """
     if model.covariance is None or (model.noise_sigma is None and JOINT_SIGMA not in model.fit):
         raise ModelError(
             f"self-model {model.name!r} does not say how well it is known: learn it first"
         )
-    prediction = model.predict(readings, marker)
+    prediction = model.predict(readings)
     assert prediction.covariance is not None
     learned = np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2))
-    observations = _observations(model, np.atleast_2d(np.asarray(readings, float)), marker)
+    observations = _observations(model, np.atleast_2d(np.asarray(readings, float)))
     view = DhArm(observations, model.parameters)
     slopes = view.by_angle(model.parameters.values)
     play = float(model.fit.get(JOINT_SIGMA, 0.0))
@@ -86,14 +83,13 @@ def workspace_accuracy(
     return WorkspaceAccuracy(prediction.p_WH, learned, mechanics, pixels, learned_px, mechanics_px)
 
 
-def _observations(model: SelfModel, readings: NDArray, marker: str | None) -> Observations:
-    index = model.chain.marker_index(marker or model.markers[0])
+def _observations(model: SelfModel, readings: NDArray) -> Observations:
     count = len(readings)
     return Observations(
         model.joints,
         model.markers,
         model.servos.to_radians(readings),
-        np.full(count, index),
+        np.zeros(count, dtype=int),
         np.zeros((count, 3)),
         np.arange(count),
         np.arange(count),

@@ -136,7 +136,7 @@ class NicoStation(Closable, Diagram):
             ModelError: If the robot lacks a link that carries a camera.
         """
         super().__init__()
-        world = imperfections_named(world) if isinstance(world, str) else world
+        world = imperfections_named(world)
         arm = arm or looking_arm()
         body = _built(arm, world, seed, sides)
         quality = quality or ImageQuality()

@@ -100,7 +100,7 @@ def _errors(calibration: TreeCalibration, document: Mapping[str, Any]) -> parts.
         sets = error_sets(
             *(None if e is None else factor * e.of_kind(*kinds, keep=keep) for e, keep in found)
         )
-        figure = distribution(sets, unit=unit, digits=2, what="error", thing="observation")
+        figure = distribution(sets, unit=unit, what="error", thing="observation")
         drawing = drawing or parts.drawing(f"Distribution of the errors {heading}", figure, "half")
     if POINTS in space:
         tables.append((_touches(document), "By how much touches and distances are missed."))

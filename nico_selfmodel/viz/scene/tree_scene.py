@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.geometry.reflection import reflect
-from nico_selfmodel.geometry.rotation import tangent_basis
+from nico_selfmodel.geometry.rotation import frame_along, tangent_basis
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.tree.body_tree import FREE, WHOLE_POSES, WORLD, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
@@ -203,7 +203,7 @@ def _joints(
         drawn = Cylinder(
             path=f"body/joint_{name}",
             color=palette.rgba(palette.joint_color(i)),
-            X_WI=transform(np.column_stack([tangent_basis(z), z]), centres[i]),
+            X_WI=transform(frame_along(z), centres[i]),
             radius=0.028 * unit,
             length=0.07 * unit,
         )
