@@ -1,7 +1,6 @@
 """A program of residual blocks as a MathematicalProgram, and the solvers of Drake's own."""
 
-from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,33 +8,12 @@ from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, Ini
 from pydrake.solvers import IpoptSolver, MathematicalProgram, SnoptSolver, SolverOptions
 
 from nico_selfmodel.errors import ImpossibleModelError
-from nico_selfmodel.least_squares import NormalEquations
+
+if TYPE_CHECKING:
+    from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 
 
-class NamedProgram(Protocol):
-    """What Drake has to know of a program."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the decision variables, in their order."""
-        ...
-
-    @property
-    def start(self) -> NDArray:
-        """The values from which a solver starts. Shape (p,)."""
-        ...
-
-    @property
-    def fixed(self) -> Mapping[int, float]:
-        """Index and value of the variables that are fixed."""
-        ...
-
-    def normal_equations(self, x: NDArray) -> NormalEquations:
-        """Return cost, gradient and Gauss-Newton matrix at x."""
-        ...
-
-
-def drake_program(program: NamedProgram) -> MathematicalProgram:
+def drake_program(program: "CalibrationProgram") -> MathematicalProgram:
     """Return the program with one cost over all variables, with its start and what is fixed."""
     prog = MathematicalProgram()
     variables = [prog.NewContinuousVariables(1, name)[0] for name in program.names]

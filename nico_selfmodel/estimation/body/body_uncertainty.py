@@ -5,12 +5,11 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.body.arm_parameters import ArmParameters
 from nico_selfmodel.estimation.noise.hand_noise import HandNoise
-from nico_selfmodel.estimation.observations.arm_views import DhArm
-from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
+from nico_selfmodel.estimation.observations.hand_rows import HandPixels
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.estimation.tree.bending_tree import TreeBend
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
-from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.dh_parameters import DhParameters, slopes_by_angle
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.optimization.uncertainty import Uncertainty, scales_by_priors
 
@@ -28,8 +27,8 @@ def body_uncertainty(found: TreeBend, observations: PixelObservations) -> Uncert
     parameters, solution = found.problem.residuals.parameters, found.solution
     assert isinstance(parameters, ArmParameters)
     arm = parameters.arm_of(solution.values)
-    p = DhArm(observations.arm, arm).evaluate(arm.values)[0]
-    size = float(np.sqrt(np.sum(np.var(p, axis=1))))
+    p = observations.arm.predicted(arm)[0]
+    size = float(np.sqrt(np.sum(np.var(p, axis=0))))
     bends = set(parameters.names[parameters.bends])
     held = {name: prior for name, prior in found.problem.priors.items() if name in bends}
     scales = scales_by_priors(found.problem.free_names, natural_of(found.problem, size), held)
@@ -60,7 +59,7 @@ def noise_sigmas(
     inliers: PixelObservations, parameters: DhParameters, rig: StereoRig, noise: HandNoise
 ) -> tuple[float, float]:
     """Return how surely the inlier rows tell tracker noise [px] and joint noise [rad]."""
-    block = HandPixels(inliers, DhArm(inliers.arm, parameters), lens=rig.lenses)
+    block = HandPixels(inliers, parameters, rig.lenses)
     slopes = block.by_angle(np.concatenate([parameters.values, rig.values]))
     return noise.sigmas(slopes, inliers.seen)
 
@@ -75,6 +74,5 @@ def position_sigma(
         parameters: The arm.
         noise: Its joint sigma.
     """
-    view = DhArm(observations.arm, parameters)
-    slopes = view.by_angle(parameters.values)
-    return noise.joint_sigma * float(np.sqrt(np.mean(np.sum(slopes**2, axis=(0, 1))) / 3.0))
+    slopes = slopes_by_angle(parameters, observations.arm.predicted(parameters)[1])
+    return noise.joint_sigma * float(np.sqrt(np.mean(np.sum(slopes**2, axis=(1, 2))) / 3.0))

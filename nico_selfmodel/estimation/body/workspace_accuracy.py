@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.noise.hand_observations import JOINT_SIGMA, covariance_of
-from nico_selfmodel.estimation.observations.arm_views import DhArm
-from nico_selfmodel.estimation.observations.hand_pixels import project_to_cameras
-from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.estimation.observations.hand_rows import project_to_cameras
+from nico_selfmodel.model.arm.dh_parameters import slopes_by_angle
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
 
@@ -67,50 +66,32 @@ def workspace_accuracy(model: SelfModel, readings: ArrayLike) -> WorkspaceAccura
     prediction = model.predict(readings)
     assert prediction.covariance is not None
     learned = np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2))
-    observations = _observations(model, np.atleast_2d(np.asarray(readings, float)))
-    view = DhArm(observations, model.parameters)
-    slopes = view.by_angle(model.parameters.values)
+    angles = model.servos.to_radians(np.atleast_2d(np.asarray(readings, float)))
+    by_arm = model.parameters.predict(angles, np.zeros(len(angles), dtype=int))[1]
+    slopes = slopes_by_angle(model.parameters, by_arm)
     play = float(model.fit.get(JOINT_SIGMA, 0.0))
     mechanics = np.full(len(learned), np.sqrt(3.0) * float(model.noise_sigma or 0.0))
     if play:
-        mechanics = play * np.sqrt(np.sum(slopes**2, axis=(0, 1)))
+        mechanics = play * np.sqrt(np.sum(slopes**2, axis=(1, 2)))
     if set(model.cameras) != set(SIDES):
         return WorkspaceAccuracy(prediction.p_WH, learned, mechanics, None, None, None)
     pixels = model.rig.project(prediction.p_WH)
-    parts = _in_images(model, view, slopes, play)
+    parts = _in_images(model, prediction.p_WH, by_arm, slopes, play)
     unseen = np.isnan(pixels).any(axis=1)
     learned_px, mechanics_px = (np.where(unseen, np.nan, part) for part in parts)
     return WorkspaceAccuracy(prediction.p_WH, learned, mechanics, pixels, learned_px, mechanics_px)
 
 
-def _observations(model: SelfModel, readings: NDArray) -> Observations:
-    count = len(readings)
-    return Observations(
-        model.joints,
-        model.markers,
-        model.servos.to_radians(readings),
-        np.zeros(count, dtype=int),
-        np.zeros((count, 3)),
-        np.arange(count),
-        np.arange(count),
-        np.arange(count),
-        np.arange(count),
-        np.zeros((count, len(model.joints))),
-        model.servos,
-    )
-
-
 def _in_images(
-    model: SelfModel, view: DhArm, slopes: NDArray, play: float
+    model: SelfModel, p_LH: NDArray, by_arm: NDArray, slopes: NDArray, play: float
 ) -> tuple[NDArray, NDArray]:
     """Return rms errors in the images from parameters and from mechanics [px]. Shape (N,) each."""
-    points, by_arm = view.evaluate(model.parameters.values)
-    _, by_point, by_cameras = project_to_cameras(points, model.rig.values, model.rig.lenses)
-    by_arm = np.einsum("ain,kin->nak", by_point, by_arm)
+    _, by_point, by_cameras = project_to_cameras(p_LH.T, model.rig.values, model.rig.lenses)
+    by_arm = np.einsum("ain,nik->nak", by_point, by_arm)
     whole = np.concatenate([by_arm, by_cameras.transpose(2, 1, 0)], axis=2)
-    covariance = covariance_of(model, (*view.names, *model.rig.names))
+    covariance = covariance_of(model, (*model.parameters.names, *model.rig.names))
     variance = np.einsum("nak,kl,nal->na", whole, covariance, whole)
-    moved = np.einsum("ain,ijn->naj", by_point, slopes)
+    moved = np.einsum("ain,nij->naj", by_point, slopes)
     sensor = float(model.pixel_sigma or 0.0)
     left = play**2 * np.sum(moved**2, axis=2) + sensor**2
     # Two coordinates a camera, the mean of both cameras.

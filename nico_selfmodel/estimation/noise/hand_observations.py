@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.noise.hand_noise import HandNoise, whitening_of
-from nico_selfmodel.estimation.observations.arm_views import DhArm
-from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
-from nico_selfmodel.estimation.observations.hand_points import HandPoints
+from nico_selfmodel.estimation.observations.hand_rows import HandPixels, HandPoints, HandRows
 from nico_selfmodel.estimation.observations.matching import check_markers
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.pixel_observations import (
@@ -36,7 +34,7 @@ JOINT_SIGMA = "joint_sigma_rad"
 class HandObservations:
     """Rows of data as a model sees them."""
 
-    block: HandPixels | HandPoints
+    block: HandRows
     """Residuals and derivatives by name."""
     x: NDArray
     """Values of the block's names in the model. Shape (P,)."""
@@ -67,8 +65,7 @@ class HandObservations:
     @property
     def arm(self) -> Observations:
         """Encoder angles, tracked points and samples of the rows."""
-        rows = self.block.observations
-        return rows if isinstance(rows, Observations) else rows.arm
+        return self.block.rows
 
     def whitening(self) -> NDArray:
         """Return the whitening by the noise alone. Shape (N, k, k)."""
@@ -216,8 +213,7 @@ def _by_pixels(model: SelfModel, dataset: Dataset) -> HandObservations:
             "cameras together with `nico-selfmodel calibrate body`"
         )
     observations = PixelObservations.from_dataset(dataset, model.markers)
-    arm = DhArm(observations.arm, model.parameters)
-    block = HandPixels(observations, arm, lens=rig.lenses)
+    block = HandPixels(observations, model.parameters, rig.lenses)
     sensor = dataset.pixel_sigma_px or model.pixel_sigma
     if sensor is None:
         raise ModelError(f"self-model {model.name!r} states no pixel_sigma_px: learn it anew")

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.mirrors.mirror_evaluation import MirrorEvaluation
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
+from nico_selfmodel.files.csv_cells import rows_text
 from nico_selfmodel.viz.figures.camera_views import ShownView
-from nico_selfmodel.viz.reports.residual_rows import Held, Rows, csv_of, flag
+from nico_selfmodel.viz.reports.residual_rows import Held, Rows, flag
 
 PIXEL_HEADINGS = (
     *("set", "sample", "point", "outlier", "camera"),
@@ -23,12 +24,12 @@ def pixels_csv(sets: Iterable[Held]) -> str:
     Args:
         sets: Of `PixelEvaluation` or `MirrorEvaluation`; those that are None are left out.
     """
-    return csv_of(PIXEL_HEADINGS, (row for one in sets if one[1] for row in _pixel_rows(*one)))
+    return rows_text(PIXEL_HEADINGS, (row for one in sets if one[1] for row in _pixel_rows(*one)))
 
 
 def views_csv(views: Iterable[ShownView]) -> str:
     """Return observed and predicted corners of boards as CSV; a point is a corner's number."""
-    return csv_of(PIXEL_HEADINGS, (row for view in views for row in _view_rows(view)))
+    return rows_text(PIXEL_HEADINGS, (row for view in views for row in _view_rows(view)))
 
 
 def _pixel_rows(
