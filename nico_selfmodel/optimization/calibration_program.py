@@ -1,6 +1,6 @@
 """A program of named variables and residual blocks with analytic derivatives."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -70,7 +70,7 @@ class CalibrationProgram:
         if self._prog is None:
             from nico_selfmodel.optimization.drake_program import drake_program
 
-            self._prog = drake_program(self)
+            self._prog = drake_program(self.names, self._start, self._fixed, self.normal_equations)
         return self._prog
 
     @property
@@ -137,11 +137,6 @@ class CalibrationProgram:
         """Let a variable move again; nothing happens where it was not fixed."""
         self._fixed.pop(self.index(name), None)
         self._prog = None
-
-    @property
-    def fixed(self) -> Mapping[int, float]:
-        """Index and value of the variables that are fixed."""
-        return self._fixed
 
     def add_prior(self, name: str, mean: float, sigma: float) -> None:
         """Add ((x - mean) / sigma)^2 to the sum of squares; replaces a variable's earlier prior.

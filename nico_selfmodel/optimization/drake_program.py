@@ -1,6 +1,7 @@
 """A program of residual blocks as a MathematicalProgram, and the solvers of Drake's own."""
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,22 +9,32 @@ from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, Ini
 from pydrake.solvers import IpoptSolver, MathematicalProgram, SnoptSolver, SolverOptions
 
 from nico_selfmodel.errors import ImpossibleModelError
-
-if TYPE_CHECKING:
-    from nico_selfmodel.optimization.calibration_program import CalibrationProgram
+from nico_selfmodel.least_squares import NormalEquations
 
 
-def drake_program(program: "CalibrationProgram") -> MathematicalProgram:
-    """Return the program with one cost over all variables, with its start and what is fixed."""
+def drake_program(
+    names: Sequence[str],
+    start: NDArray,
+    fixed: Mapping[int, float],
+    evaluate: Callable[[NDArray], NormalEquations],
+) -> MathematicalProgram:
+    """Return a program with one cost over all its variables.
+
+    Args:
+        names: Of the variables.
+        start: Their initial values. Shape (p,).
+        fixed: Index of a variable -> the value it is held at.
+        evaluate: Returns cost and gradient, and what else there is, at given values.
+    """
     prog = MathematicalProgram()
-    variables = [prog.NewContinuousVariables(1, name)[0] for name in program.names]
-    prog.SetInitialGuessForAllVariables(program.start)
-    for index, held in program.fixed.items():
+    variables = [prog.NewContinuousVariables(1, name)[0] for name in names]
+    prog.SetInitialGuessForAllVariables(start)
+    for index, held in fixed.items():
         prog.AddBoundingBoxConstraint(held, held, variables[index])
 
     def tried(x: NDArray) -> tuple[float, NDArray]:
         try:
-            return program.normal_equations(x)[:2]
+            return evaluate(x)[:2]
         except ImpossibleModelError:
             return np.inf, np.zeros(len(x))
 

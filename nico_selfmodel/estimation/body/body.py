@@ -148,7 +148,6 @@ def calibrate_body(
         task.scale_from,
         solution.converged,
         iterations + solution.iterations * (found is not rigid),
-        solution.history,
         time.perf_counter() - clock,
         ladder,
     )

@@ -27,10 +27,9 @@ class WorkspaceAccuracy:
     """From what the parameters are uncertain by: more data cures it [m]. Shape (N,)."""
     mechanics: NDArray
     """From what the mechanics leave, play or noise about the model [m]. Shape (N,)."""
-    pixels: NDArray | None
-    """Expected pixels, nan where a camera does not see the hand; None without any. Shape (N, 4)."""
     learned_px: NDArray | None
-    """Mean over both cameras of what more data cures [px]. Shape (N,)."""
+    """Mean over both cameras of what more data cures, nan where one does not see the hand; None
+    without cameras [px]. Shape (N,)."""
     mechanics_px: NDArray | None
     """Mean over both cameras of what the mechanics leave [px]. Shape (N,)."""
 
@@ -74,12 +73,11 @@ def workspace_accuracy(model: SelfModel, readings: ArrayLike) -> WorkspaceAccura
     if play:
         mechanics = play * np.sqrt(np.sum(slopes**2, axis=(1, 2)))
     if set(model.cameras) != set(SIDES):
-        return WorkspaceAccuracy(prediction.p_WH, learned, mechanics, None, None, None)
-    pixels = model.rig.project(prediction.p_WH)
+        return WorkspaceAccuracy(prediction.p_WH, learned, mechanics, None, None)
     parts = _in_images(model, prediction.p_WH, by_arm, slopes, play)
-    unseen = np.isnan(pixels).any(axis=1)
+    unseen = np.isnan(model.rig.project(prediction.p_WH)).any(axis=1)
     learned_px, mechanics_px = (np.where(unseen, np.nan, part) for part in parts)
-    return WorkspaceAccuracy(prediction.p_WH, learned, mechanics, pixels, learned_px, mechanics_px)
+    return WorkspaceAccuracy(prediction.p_WH, learned, mechanics, learned_px, mechanics_px)
 
 
 def _in_images(

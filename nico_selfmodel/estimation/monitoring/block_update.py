@@ -39,8 +39,6 @@ class BlockUpdate:
     """The body with the new values and their covariance with all others."""
     learned: tuple[str, ...]
     """Names of the block."""
-    uncertainty: Uncertainty
-    """Of the block alone, the rest taken as known."""
     outliers: NDArray
     """Outlier rows. Boolean, shape (N,)."""
     misfit: float
@@ -122,7 +120,7 @@ def learn_block(
     covariance = _joint_covariance(model, observations.names, stacked, columns, uncertainty)
     updated = replace(updated, covariance=covariance)
     misfit = _misfit(model, at, inliers, columns)
-    return _update(model, updated, names, uncertainty, at, outliers, misfit, solution)
+    return _update(model, updated, names, at, outliers, misfit, solution)
 
 
 def learn_with_prior(
@@ -175,11 +173,9 @@ def learn_with_prior(
         with_values(model, observations.names, x),
         covariance=ParameterCovariance(free_names, covariance),
     )
-    sigma = np.sqrt(np.diag(covariance))
-    uncertainty = Uncertainty(free_names, covariance, sigma, np.nan, len(free), np.nan, ())
     misfit = float(np.sum(r[:, inliers] ** 2))
     at = replace(observations, x=x)
-    return _update(model, updated, names, uncertainty, at, outliers, misfit, solution)
+    return _update(model, updated, names, at, outliers, misfit, solution)
 
 
 _HAND = 0
@@ -202,7 +198,6 @@ def _update(
     model: SelfModel,
     updated: SelfModel,
     names: tuple[str, ...],
-    uncertainty: Uncertainty,
     at: HandObservations,
     outliers: NDArray,
     misfit: float,
@@ -212,7 +207,6 @@ def _update(
     return BlockUpdate(
         updated,
         names,
-        uncertainty,
         outliers,
         misfit,
         *expected_misfit(model, at, ~outliers, len(names)),
