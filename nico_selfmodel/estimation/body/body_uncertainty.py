@@ -1,4 +1,4 @@
-"""How well arm and cameras are known together, and what the mechanics leave."""
+"""How well arm and cameras are known together, what few poses leave open, and mechanics leave."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ def body_uncertainty(found: TreeBend, observations: PixelObservations) -> Uncert
     size = float(np.sqrt(np.sum(np.var(p, axis=0))))
     bends = set(parameters.names[parameters.bends])
     held = {name: prior for name, prior in found.problem.priors.items() if name in bends}
-    scales = scales_by_priors(found.problem.free_names, natural_of(found.problem, size), held)
+    scales = scales_by_priors(found.problem.free_names, _natural_of(found.problem, size), held)
     count = len(solution.whitened)
     squares = float(count - len(scales))
     if not solution.variances_known:
@@ -40,7 +40,7 @@ def body_uncertainty(found: TreeBend, observations: PixelObservations) -> Uncert
     return Uncertainty.from_jacobian(found.problem.free_names, rows, scales, squares, count)
 
 
-def natural_of(problem: TreeProblem, size: float) -> NDArray:
+def _natural_of(problem: TreeProblem, size: float) -> NDArray:
     """Return the natural scale of what is free.
 
     Args:
@@ -53,6 +53,28 @@ def natural_of(problem: TreeProblem, size: float) -> NDArray:
     parameters = problem.residuals.parameters
     assert isinstance(parameters, ArmParameters)
     return parameters.scales(size)[problem.columns]
+
+
+def open_at(problem: TreeProblem, size: float) -> tuple[str, ...]:
+    """Return which free parameters cannot be observed, wholly or in part, at a body that is known.
+
+    Args:
+        problem: Arm and cameras by name, where they begin.
+        size: What lengths are held against [m].
+
+    Returns:
+        Names, those that the data tell least of first; empty where the data tell all.
+    """
+    rows = problem.whitened_start()
+    # The variances are given: nothing is scaled by how the start misses what was seen.
+    natural = _natural_of(problem, size)
+    found = Uncertainty.from_jacobian(problem.free_names, rows, natural, 0.0, 0)
+    share = dict.fromkeys(found.names, 0.0)
+    for direction in found.unobservable:
+        for name, part in zip(direction.names, direction.shares.tolist(), strict=True):
+            share[name] += part**2
+    unknown = np.array(found.names)[~np.isfinite(found.sigma)].tolist()
+    return tuple(sorted(unknown, key=lambda name: -share[name]))
 
 
 def noise_sigmas(
