@@ -64,8 +64,7 @@ def find_sweeps(encoders: npt.ArrayLike, tolerance: npt.ArrayLike | None = None)
     for joint in range(encoders.shape[1]):
         held = np.delete(scaled, joint, axis=1)
         groups = [
-            group[np.argsort(scaled[group, joint], kind="stable")]
-            for group in _still_groups(held, _MIN_VALUES)
+            group[np.argsort(scaled[group, joint], kind="stable")] for group in _still_groups(held)
         ]
         groups = [g for g in groups if _distinct_count(scaled[g, joint]) >= _MIN_VALUES]
         sweeps += [Sweep(joint, group) for group in sorted(groups, key=lambda group: group.min())]
@@ -131,16 +130,16 @@ def _pose_rows(dataset: Dataset, marker: str | None) -> npt.NDArray[np.int64]:
     return rows[np.sort(first)]
 
 
-def _still_groups(held: npt.NDArray[np.float64], least: int) -> list[npt.NDArray[np.int64]]:
+def _still_groups(held: npt.NDArray[np.float64]) -> list[npt.NDArray[np.int64]]:
     """Group poses whose readings (in units of the tolerance) stay together in every column."""
     groups = []
     for block in _blocks(held):
-        if block.size < least:
+        if block.size < _MIN_VALUES:
             continue
         if (np.ptp(held[block], axis=0) <= _WIDTH).all():
             groups.append(block)
         else:
-            groups += _dense_groups(held, block, least)
+            groups += _dense_groups(held, block)
     return groups
 
 
@@ -162,7 +161,7 @@ def _blocks(held: npt.NDArray[np.float64]) -> list[npt.NDArray[np.int64]]:
 
 
 def _dense_groups(
-    held: npt.NDArray[np.float64], block: npt.NDArray[np.int64], least: int
+    held: npt.NDArray[np.float64], block: npt.NDArray[np.int64]
 ) -> list[npt.NDArray[np.int64]]:
     """Take the fullest balls of radius 1 out of a block, where a slow motion links far poses."""
     near = np.ones((block.size, block.size), dtype=np.bool_)
@@ -172,7 +171,7 @@ def _dense_groups(
     groups = []
     for centre in np.argsort(-near.sum(axis=1), kind="stable"):
         members = near[centre] & free
-        if free[centre] and members.sum() >= least:
+        if free[centre] and members.sum() >= _MIN_VALUES:
             groups.append(block[members])
             free &= ~members
     return groups

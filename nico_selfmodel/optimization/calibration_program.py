@@ -154,10 +154,10 @@ class CalibrationProgram:
         names = self.names
         return {names[index]: prior for index, prior in self._priors.items()}
 
-    def add_residuals(self, block: ResidualBlock, loss: Loss | None = None) -> int:
+    def add_residuals(self, block: ResidualBlock) -> int:
         """Add a residual block; its variables must exist. Returns its number, for `set_loss`."""
         columns = np.array([self.index(name) for name in block.names])
-        self._terms.append(_Term(block, columns, loss or Loss(), None))
+        self._terms.append(_Term(block, columns, Loss(), None))
         return len(self._terms) - 1
 
     def set_loss(self, number: int, loss: Loss, weights: NDArray | None = None) -> None:

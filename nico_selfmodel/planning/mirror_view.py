@@ -138,8 +138,8 @@ def _spots(workspace: VisibleWorkspace, rig: MirrorRig, q: NDArray) -> NDArray:
     spots = []
     for marker in workspace.markers:
         p_BH = workspace.arm.chain.forward(q, workspace.arm.markers.index(marker))
-        eyes = [twin.X_WC[:3, 3] for twin in rig.virtual.cameras]
-        spots += [rig.plane.met_between(eye, p_BH) for eye in eyes]
+        centres = [twin.X_WC[:3, 3] for twin in rig.virtual.cameras]
+        spots += [rig.plane.met_between(center, p_BH) for center in centres]
     return np.array(spots)
 
 

@@ -157,7 +157,7 @@ def project_to_cameras(
         Pixels, shape (4, N), derivatives by the point, shape (4, 3, N), and by the cameras, shape
         (26, 4, N).
     """
-    (of_left, of_right), in_left, in_right = each_lens(lens, 2), *inside_of(lens, 2)
+    (of_left, of_right), in_left, in_right = each_lens(lens, 2), *inside_of(lens)
     left, right, turn, place = np.split(cameras, [in_left.stop, in_right.stop, in_right.stop + 3])
     rotation = rotation_from_vector(turn)
     away = p_LH - place[:, None]

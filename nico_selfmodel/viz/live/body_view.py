@@ -6,7 +6,6 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.geometry import Meshcat
 
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
@@ -48,7 +47,6 @@ class WholeBodyView(HandView):
         model: BodyModel,
         hands: Mapping[str, Sequence[str]],
         readings: NDArray,
-        meshcat: Meshcat | None = None,
         *,
         glass: StandingGlass | None = None,
         recording: bool = False,
@@ -59,7 +57,6 @@ class WholeBodyView(HandView):
             model: The body as learned, with two cameras.
             hands: Markers of each hand, by what it is called; their middle is shown.
             readings: Where it is now [encoder units]. Shape (n,).
-            meshcat: Where to draw; a new server that only this machine reaches if omitted.
             glass: A mirror before the robot that the model knows, if any.
             recording: Keep every `show` as a frame of an animation, for `html`.
 
@@ -88,7 +85,7 @@ class WholeBodyView(HandView):
             for side, camera in zip(SIDES, rig_of(tree, motion).cameras, strict=True)
         }
         self._screens = screens_beside(points, float(AZIMUTH), sizes)
-        super().__init__(self._scene(items, points), meshcat, recording=recording)
+        super().__init__(self._scene(items, points), recording=recording)
 
     def _scene(self, items: list[Item], points: NDArray) -> Scene:
         """Return what is drawn once, screens beside the points of the body."""

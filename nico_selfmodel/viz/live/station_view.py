@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydrake.geometry import Meshcat
 
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
@@ -53,7 +52,6 @@ class StationView(HandView):
         self,
         arm: ArmDescription,
         model: SelfModel,
-        meshcat: Meshcat | None = None,
         *,
         glass: StandingGlass | None = None,
         recording: bool = False,
@@ -63,7 +61,6 @@ class StationView(HandView):
         Args:
             arm: The robot as described.
             model: Arm and cameras as learned.
-            meshcat: Where to draw; a new server that only this machine reaches if omitted.
             glass: A mirror before the robot that the model knows, if any.
             recording: Keep every `show` as a frame of an animation, for `html`.
 
@@ -88,7 +85,7 @@ class StationView(HandView):
         sizes = {side: plane.camera.image_size for side, plane in self._planes.items()}
         self._azimuth = float(AZIMUTH if glass is None else _INTO_MIRROR)
         self._screens = screens_beside(self._extent(body), self._azimuth, sizes)
-        super().__init__(self._scene(body), meshcat, recording=recording)
+        super().__init__(self._scene(body), recording=recording)
 
     def _scene(self, body: list[Item]) -> Scene:
         items: list[Item] = [*body]
