@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.mirrors.mirror_evaluation import MirrorEvaluation
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.files.csv_cells import rows_text
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.viz.figures.camera_views import ShownView
 from nico_selfmodel.viz.reports.residual_rows import Held, Rows, flag
 
@@ -15,7 +16,6 @@ PIXEL_HEADINGS = (
     *("set", "sample", "point", "outlier", "camera"),
     *("u_px", "v_px", "u_predicted_px", "v_predicted_px", "error_px"),
 )
-_SIDES = ("left", "right")
 
 
 def pixels_csv(sets: Iterable[Held]) -> str:
@@ -45,7 +45,7 @@ def _pixel_rows(
         label = [arm.markers[k] for k in arm.marker]
     for i, residual in enumerate(found.residuals):
         for side, pixel, off in zip(
-            _SIDES, pixels[i].reshape(-1, 2), residual.reshape(-1, 2), strict=False
+            SIDES, pixels[i].reshape(-1, 2), residual.reshape(-1, 2), strict=False
         ):
             if np.isfinite(off).all():
                 yield name, int(sample[i]), label[i], flag(outliers, i), side, *_pair(pixel, off)

@@ -11,6 +11,7 @@ from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.vision.images.image_file import read_image
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.photographs import jpeg, resampled
@@ -55,7 +56,7 @@ def recorded_pictures(folder: str | Path, dataset: Dataset) -> dict[str, MirrorP
         if name in found:
             continue
         try:
-            left, right = (read_image(kept / f"{side}{int(poses[row]):04d}.png") for side in _SIDES)
+            left, right = (read_image(kept / f"{side}{int(poses[row]):04d}.png") for side in SIDES)
         except DataError:
             continue
         encoders = dataset.encoders[row]
@@ -112,6 +113,5 @@ def plate_items(
     ]
 
 
-_SIDES = ("left", "right")
 Pictures = Mapping[str, MirrorPicture]
 """Mirror -> what was seen in it."""
