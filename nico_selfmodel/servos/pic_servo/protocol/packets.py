@@ -14,6 +14,7 @@ from nico_selfmodel.errors import BusError
 HEADER = 0xAA
 UNADDRESSED = 0x00
 """Address of a module that was not given one since it was reset."""
+LAST_ADDRESS = 0x7F
 EVERYONE = 0xFF
 """The group that every module is in after a reset."""
 FIRST_GROUP = 0x80
