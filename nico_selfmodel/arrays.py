@@ -59,7 +59,7 @@ def frozen_array(value: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray
     return array
 
 
-def frozen_covariance(value: ArrayLike, count: int, name: str) -> NDArray:
+def frozen_covariance(value: ArrayLike, count: int) -> NDArray:
     """Return a read-only copy of a covariance.
 
     It must be symmetric and have no negative eigenvalue, each to a millionth of the standard
@@ -68,7 +68,6 @@ def frozen_covariance(value: ArrayLike, count: int, name: str) -> NDArray:
     Args:
         value: The matrix.
         count: Of the variables.
-        name: What the message calls it.
 
     Returns:
         A copy that cannot be written to. Shape (count, count).
@@ -76,17 +75,17 @@ def frozen_covariance(value: ArrayLike, count: int, name: str) -> NDArray:
     Raises:
         ValueError: If the shape differs, an entry is not finite, or it is no covariance.
     """
-    matrix = frozen_array(value, (count, count), name)
+    matrix = frozen_array(value, (count, count), "covariance")
     variances = np.diag(matrix)
     if (variances < 0.0).any():
-        raise ValueError(f"{name} has a negative variance: {variances.min():g}")
+        raise ValueError(f"covariance has a negative variance: {variances.min():g}")
     scale = np.sqrt(np.where(variances > 0.0, variances, 1.0))
     correlation = matrix / scale / scale[:, None]
     if np.abs(correlation - correlation.T).max(initial=0.0) > _ROUNDING:
-        raise ValueError(f"{name} is not symmetric")
+        raise ValueError("covariance is not symmetric")
     if count and np.linalg.eigvalsh(correlation)[0] < -_ROUNDING * count:
         raise ValueError(
-            f"{name} is not positive semi-definite: no errors are correlated like that"
+            "covariance is not positive semi-definite: no errors are correlated like that"
         )
     return matrix
 

@@ -46,17 +46,12 @@ def live(
     at its hands.
     """
     from nico_selfmodel.files.whole import refuse_existing, write_whole
-    from nico_selfmodel.model.tree.body_model import is_body
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
     chosen = imperfections_named(imperfections)
     if out is not None:
         refuse_existing(out, force=force)
-    if is_body(model):
-        watched = _whole_body(model, chosen, seed, mirror, out is not None)
-    else:
-        watched = _one_arm(model, chosen, seed, mirror, out is not None)
-    with watched as watching:
+    with _awake(model, chosen, seed, mirror, out is not None) as watching:
         if out is not None:
             with printer.progress_bar() as progress:
                 watching.visit_random_poses(
@@ -73,18 +68,6 @@ def live(
             watching.run(_tell, seconds or float("inf"))
 
 
-def _one_arm(
-    model: Path, world: "Imperfections", seed: int | None, mirror: str | None, recording: bool
-) -> "Watching":
-    """Wake up one arm before a head that stands still."""
-    from nico_selfmodel.model.self_model_file import load_model
-    from nico_selfmodel.sessions.watching import Watching
-
-    known = load_model(model)
-    instance = int(known.provenance.get("seed") or 0) if seed is None else seed
-    return Watching(known, world, instance, mirror=_placed(mirror), recording=recording)
-
-
 def _placed(mirror: str | None) -> "tuple[str, Mirror | None] | None":
     """Return a mirror's name, and where it is put; None as place where nobody says it."""
     from nico_selfmodel.sessions.mirrors.nico_before_mirrors import mirror_of_words
@@ -95,16 +78,24 @@ def _placed(mirror: str | None) -> "tuple[str, Mirror | None] | None":
     return name, place if "=" in mirror else None
 
 
-def _whole_body(
+def _awake(
     model: Path, world: "Imperfections", seed: int | None, mirror: str | None, recording: bool
-) -> "WatchingBody":
-    """Wake up a whole Nico in its room."""
-    from nico_selfmodel.model.tree.body_model import load_body
+) -> "Watching | WatchingBody":
+    """Wake up a whole Nico in its room, or one arm before a head that stands still."""
+    from nico_selfmodel.model.self_model import SelfModel
+    from nico_selfmodel.model.self_model_file import load_model
+    from nico_selfmodel.model.tree.body_model import is_body, load_body
+
+    known = load_body(model) if is_body(model) else load_model(model)
+    instance = int(known.provenance.get("seed") or 0) if seed is None else seed
+    placed = _placed(mirror)
+    if isinstance(known, SelfModel):
+        from nico_selfmodel.sessions.watching import Watching
+
+        return Watching(known, world, instance, mirror=placed, recording=recording)
     from nico_selfmodel.sessions.watching_body import WatchingBody
 
-    known = load_body(model)
-    instance = int(known.provenance.get("seed") or 0) if seed is None else seed
-    return WatchingBody(known, world, instance, mirror=_placed(mirror), recording=recording)
+    return WatchingBody(known, world, instance, mirror=placed, recording=recording)
 
 
 def _tell(errors: "NDArray | Mapping[str, NDArray]") -> None:

@@ -9,6 +9,7 @@ import typer
 
 from nico_selfmodel.cli import inputs, options, printer
 from nico_selfmodel.cli.calibrate import any_body
+from nico_selfmodel.cli.option_groups import Output
 from nico_selfmodel.cli.result_files import judged_document, write_with_report
 
 
@@ -52,9 +53,7 @@ def monitor(
     known, data = load_model(model), load_dataset(dataset)
     report = check_health(known, data, sensor)
     document = health_document(report, left_by_cause(known, data, report, sensor))
-    _tell(known.name, document, model, dataset, as_json=as_json)
-    if out is None or not report.diagnoses:
-        printer.end(document)
+    out = _tell(known.name, document, model, dataset, out, as_json=as_json)
     cause = report.diagnoses[0].hypothesis
     update = relearn_cause(known, data, report, sensor)
     evaluation = evaluate_update(known, update, since_change(known, data, report), sensor)
@@ -64,9 +63,7 @@ def monitor(
 
     page = update_report(evaluation, relearned, report)
     write_with_report(out, evaluation.after, page, force=force)
-    if not as_json:
-        printer.result(known.name, relearned, out)
-    printer.end(relearned)
+    _end(known.name, relearned, out, as_json=as_json)
 
 
 def _check_relearn(
@@ -96,21 +93,33 @@ def _monitor_body(
     report = check_body_health(known, data)
     left = left_by_cause(known, data, report)
     document = health_document(report, left)
-    _tell(known.name, document, model, dataset, as_json=as_json)
-    if out is None or not report.diagnoses:
-        printer.end(document)
+    out = _tell(known.name, document, model, dataset, out, as_json=as_json)
     relearned = any_body.written(relearn_body(known, data, report), out, force=force)
+    _end(known.name, relearned, out, as_json=as_json)
+
+
+def _end(name: str, relearned: dict[str, Any], out: Path, *, as_json: bool) -> NoReturn:
+    """Print what was learned anew, but beside a report that was printed as a document."""
     if not as_json:
-        printer.result(known.name, relearned, out)
+        printer.result(name, relearned, Output(out))
     printer.end(relearned)
 
 
 def _tell(
-    name: str, document: dict[str, Any], model: Path, dataset: Path, *, as_json: bool
-) -> None:
+    name: str,
+    document: dict[str, Any],
+    model: Path,
+    dataset: Path,
+    out: Path | None,
+    *,
+    as_json: bool,
+) -> Path:
     """Print what a health report says, with the command that learns each cause anew.
 
     A cause that leaves a misfit is no cure: no command is told then.
+
+    Returns:
+        Where what changed shall be written; where nothing shall be, the command ends.
     """
     for cause in document["causes"] if document["explained"] else ():
         cause["command"] = remedy(cause["parameters"], model, dataset)
@@ -118,6 +127,9 @@ def _tell(
         printer.as_json(document)
     else:
         _print(name, document)
+    if out is None or not document["causes"]:
+        printer.end(document)
+    return out
 
 
 def remedy(parameters: Sequence[str], model: Path, dataset: Path) -> str:

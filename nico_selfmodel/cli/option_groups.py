@@ -8,6 +8,7 @@ import inspect
 from collections.abc import Callable
 from dataclasses import MISSING, Field, dataclass, fields
 from functools import wraps
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nico_selfmodel.cli import options
@@ -52,6 +53,16 @@ class Output(OptionGroup):
     out: options.Out
     force: options.Force = False
     as_json: options.AsJson = False
+
+    def refuse(self, *inputs: Path | str | None) -> None:
+        """Refuse a folder that is there already, and one in which an input lies.
+
+        Args:
+            inputs: What the command reads; None for what it does not.
+        """
+        from nico_selfmodel.files.whole import refuse_folder
+
+        refuse_folder(self.out, force=self.force, inputs=inputs)
 
 
 @dataclass(frozen=True)

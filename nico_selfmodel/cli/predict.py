@@ -1,7 +1,5 @@
 """`nico-selfmodel predict`: encoders in, hand position with sigma out."""
 
-import csv
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -101,9 +99,9 @@ def predict(
     if as_json:
         printer.as_json(document)
         return
-    writer = csv.DictWriter(sys.stdout, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
+    from nico_selfmodel.files.csv_cells import rows_text
+
+    print(rows_text(rows[0], (row.values() for row in rows)), end="")
 
 
 def _read(table: Path) -> "CsvTable":

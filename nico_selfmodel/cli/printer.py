@@ -18,6 +18,7 @@ from nico_selfmodel.progress import Progress
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from nico_selfmodel.cli.option_groups import Output
     from nico_selfmodel.dataset.body.body_dataset import BodyDataset
     from nico_selfmodel.dataset.dataset import Dataset
 
@@ -237,30 +238,28 @@ def folder(made: Path) -> None:
 def result(
     name: str,
     document: Mapping[str, Any],
-    made: Path,
+    output: "Output",
     *,
     parts: Sequence[tuple[str, Block]] = (),
     more: Sequence[str] = (),
-    json_instead: bool = False,
 ) -> NoReturn:
     """Print what a calibration found, or its document; end the command as its verdict says.
 
     Args:
         name: Of the self-model.
         document: What is in its `result.json`.
-        made: The result folder.
+        output: The result folder, and whether the document is printed instead.
         parts: Rows of errors, where they are others than those of the document.
         more: Lines to print before the verdict.
-        json_instead: Print the document.
 
     Raises:
         typer.Exit: Always, with 1 where the verdict is FAIL, else with 0.
     """
-    if json_instead:
+    if output.as_json:
         as_json(document)
         end(document)
     errors(name, parts or [(label, document[key]) for label, key in _PARTS if key in document])
-    parameters(document, made)
+    parameters(document, output.out)
     facts = fact_rows(document)
     if facts:
         table("what else was found", ("", "value"), facts)
@@ -268,7 +267,7 @@ def result(
         line(text)
     _outliers(document)
     verdict(document)
-    folder(made)
+    folder(output.out)
     end(document)
 
 

@@ -31,11 +31,10 @@ def rezero(
     from nico_selfmodel.estimation.monitoring.tool import rezero as find_zeros
     from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update
     from nico_selfmodel.estimation.monitoring.update_result import rezero_result
-    from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.model.self_model_file import load_model
     from nico_selfmodel.model.tree.body_model import is_body
 
-    refuse_folder(output.out, force=output.force, inputs=[dataset, model])
+    output.refuse(dataset, model)
     if is_body(model):
         options.refuse_given(context, ["sensor", "loss"], any_body.NOISE_IS_KNOWN)
         any_body.rezero(model, dataset, output, joint)
@@ -49,4 +48,4 @@ def rezero(
 
     report = update_report(evaluation, document)
     write_with_report(output.out, evaluation.after, report, force=output.force)
-    printer.result(found.model.name, document, output.out, json_instead=output.as_json)
+    printer.result(found.model.name, document, output)

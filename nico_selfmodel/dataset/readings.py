@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.columns import APPROACH, ENCODER
 from nico_selfmodel.dataset.csv_table import CsvTable
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.files.csv_cells import quoted_cell
+from nico_selfmodel.files.csv_cells import rows_text
 from nico_selfmodel.files.csv_rows import parse_number
 from nico_selfmodel.names import listed, shown
 
@@ -80,9 +80,7 @@ def readings_table(readings: NDArray, joints: tuple[str, ...]) -> str:
     Returns:
         The table, with a column `encoder.<joint>` for each joint.
     """
-    header = ",".join(quoted_cell(f"{ENCODER}.{joint}") for joint in joints)
-    rows = [",".join(repr(value) for value in row) for row in readings.tolist()]
-    return "\n".join([header, *rows]) + "\n"
+    return rows_text([f"{ENCODER}.{joint}" for joint in joints], readings.tolist())
 
 
 def warn_beyond(

@@ -33,11 +33,7 @@ class Sweep:
         object.__setattr__(self, "rows", read_only(self.rows, np.int64))
 
 
-def find_sweeps(
-    encoders: npt.ArrayLike,
-    tolerance: npt.ArrayLike | None = None,
-    min_values: int = _MIN_VALUES,
-) -> list[Sweep]:
+def find_sweeps(encoders: npt.ArrayLike, tolerance: npt.ArrayLike | None = None) -> list[Sweep]:
     """Find the sweeps that are hidden in encoder readings; a grid of poses is full of them.
 
     A pose can belong to one sweep of every joint. In one sweep each joint that holds still keeps
@@ -47,8 +43,6 @@ def find_sweeps(
         encoders: Readings, one row per pose. Shape (N, n).
         tolerance: How far a joint that holds still may stray [encoder unit]: one number or one
             per joint, shape (n,). By default 0.2 % of the joint's span in the data.
-        min_values: Least number of readings of the turning joint that differ by more than its
-            tolerance.
 
     Returns:
         The sweeps, by joint and then by first row.
@@ -70,24 +64,21 @@ def find_sweeps(
     for joint in range(encoders.shape[1]):
         held = np.delete(scaled, joint, axis=1)
         groups = [
-            group[np.argsort(scaled[group, joint], kind="stable")]
-            for group in _still_groups(held, min_values)
+            group[np.argsort(scaled[group, joint], kind="stable")] for group in _still_groups(held)
         ]
-        groups = [g for g in groups if _distinct_count(scaled[g, joint]) >= min_values]
+        groups = [g for g in groups if _distinct_count(scaled[g, joint]) >= _MIN_VALUES]
         sweeps += [Sweep(joint, group) for group in sorted(groups, key=lambda group: group.min())]
     return sweeps
 
 
-def unmarked_sweeps(
-    dataset: Dataset, marker: str | None = None, tolerance: npt.ArrayLike | None = None
-) -> list[Sweep]:
+def unmarked_sweeps(dataset: Dataset, marker: str | None = None) -> list[Sweep]:
     """Find the sweeps in a data set that nobody marked; the `sweep` column is not looked at.
+
+    A joint that holds still may stray by 0.2 % of its span, and by one count or 0.02 degrees.
 
     Args:
         dataset: The data.
         marker: Which tracked point, the first one by default.
-        tolerance: As in `find_sweeps`; by default 0.2 % of the joint's span, and never less than
-            one count or 0.02 degrees.
 
     Returns:
         The sweeps, one row of the data set per measured pose.
@@ -98,9 +89,8 @@ def unmarked_sweeps(
     rows = _pose_rows(dataset, marker)
     if not rows.size:
         return []
-    if tolerance is None:
-        floor = [joint.still_tolerance for joint in dataset.joints]
-        tolerance = np.maximum(floor, _SHARE_OF_SPAN * dataset.encoder_span)
+    floor = [joint.still_tolerance for joint in dataset.joints]
+    tolerance = np.maximum(floor, _SHARE_OF_SPAN * dataset.encoder_span)
     found = find_sweeps(dataset.encoders[rows], tolerance)
     return [Sweep(sweep.joint, rows[sweep.rows]) for sweep in found]
 
@@ -140,16 +130,16 @@ def _pose_rows(dataset: Dataset, marker: str | None) -> npt.NDArray[np.int64]:
     return rows[np.sort(first)]
 
 
-def _still_groups(held: npt.NDArray[np.float64], least: int) -> list[npt.NDArray[np.int64]]:
+def _still_groups(held: npt.NDArray[np.float64]) -> list[npt.NDArray[np.int64]]:
     """Group poses whose readings (in units of the tolerance) stay together in every column."""
     groups = []
     for block in _blocks(held):
-        if block.size < least:
+        if block.size < _MIN_VALUES:
             continue
         if (np.ptp(held[block], axis=0) <= _WIDTH).all():
             groups.append(block)
         else:
-            groups += _dense_groups(held, block, least)
+            groups += _dense_groups(held, block)
     return groups
 
 
@@ -171,7 +161,7 @@ def _blocks(held: npt.NDArray[np.float64]) -> list[npt.NDArray[np.int64]]:
 
 
 def _dense_groups(
-    held: npt.NDArray[np.float64], block: npt.NDArray[np.int64], least: int
+    held: npt.NDArray[np.float64], block: npt.NDArray[np.int64]
 ) -> list[npt.NDArray[np.int64]]:
     """Take the fullest balls of radius 1 out of a block, where a slow motion links far poses."""
     near = np.ones((block.size, block.size), dtype=np.bool_)
@@ -181,7 +171,7 @@ def _dense_groups(
     groups = []
     for centre in np.argsort(-near.sum(axis=1), kind="stable"):
         members = near[centre] & free
-        if free[centre] and members.sum() >= least:
+        if free[centre] and members.sum() >= _MIN_VALUES:
             groups.append(block[members])
             free &= ~members
     return groups

@@ -19,7 +19,6 @@ from nico_selfmodel.estimation.noise.hand_observations import (
     covariance_of,
     hand_observations_of,
 )
-from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import describe_outliers
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.estimation.results.calibration_result import Errors
@@ -63,7 +62,14 @@ def judge_evaluation(
         compared, wrong = _in_space(model, evaluation), evaluation.outliers
     if not compared:
         return Verdict("NOT_EVALUATED", ("there is too little to compare the error with",))
-    return _beside_training(compared, rows, wrong, things, _against(model, dataset, evaluation))
+    named, many = "", False
+    if wrong.any():
+        named = (
+            f"{wrong.sum()} of {len(wrong)} {things} are further off than model and noise explain "
+            f"({describe_outliers(rows, wrong)})"
+        )
+        many = bool(wrong.mean() > MOST_OUTLIERS)
+    return _beside_training(compared, _against(model, dataset, evaluation), named, many=many)
 
 
 def _against(
@@ -99,18 +105,8 @@ def judge_body_errors(
     one = _Compared.of(
         found, float(expected[median_key]), *counts, errors.compared_size, errors.unit
     )
-    medians = f"median {one.found}, expected {one.expected}"
-    if one.above:
-        words = f"the error ({medians}) is significantly above that of the training poses"
-        return Verdict("FAIL", (f"{words}: {WHAT_CHANGED}",))
-    often = _often_above(errors, expected)
-    if often:
-        return Verdict("FAIL", (f"{often}: {WHAT_CHANGED}",))
-    within = f"the error ({medians}) is that of the training poses"
-    if against is not None and against.too_many:
-        return Verdict("FAIL", (f"{against.words}: {WHERE_TO_LOOK}",))
-    named = f"; {against.words}" if against is not None and against.count else ""
-    return Verdict("PASS", (f"{within}{named}",))
+    named = against.words if against is not None and against.count else ""
+    return _beside_training([one], against, named, often=_often_above(errors, expected))
 
 
 def _often_above(errors: Errors, expected: Mapping[str, float]) -> str:
@@ -176,19 +172,20 @@ def _in_images(model: SelfModel, evaluation: PixelEvaluation) -> list[_Compared]
 
 def _beside_training(
     compared: list[_Compared],
-    rows: Observations,
-    wrong: NDArray,
-    things: str,
     against: Contradictions | None,
+    named: str = "",
+    *,
+    often: str = "",
+    many: bool = False,
 ) -> Verdict:
     """Return the verdict on new errors beside those of the training.
 
     Args:
         compared: Kinds of errors.
-        rows: What was held against the model.
-        wrong: Rows that neither model nor noise explains. Boolean, shape (N,).
-        things: What a row is.
         against: Poses that contradict the model, where that is known.
+        named: What is further off than it should be, in words.
+        often: Why it is too often, in words; empty where it is not.
+        many: Whether it is too much.
     """
     found = " and ".join(one.found for one in compared)
     expected = " and ".join(one.expected for one in compared)
@@ -196,18 +193,14 @@ def _beside_training(
     if any(one.above for one in compared):
         words = f"the error ({medians}) is significantly above that of the training poses"
         return Verdict("FAIL", (f"{words}: {WHAT_CHANGED}",))
+    if often:
+        return Verdict("FAIL", (f"{often}: {WHAT_CHANGED}",))
     within = f"the error ({medians}) is that of the training poses"
     if against is not None and against.too_many:
         return Verdict("FAIL", (f"{against.words}: {WHERE_TO_LOOK}",))
-    if not wrong.any():
-        return Verdict("PASS", (within,))
-    off = (
-        f"{wrong.sum()} of {len(wrong)} {things} are further off than model and noise explain "
-        f"({describe_outliers(rows, wrong)})"
-    )
-    if wrong.mean() > MOST_OUTLIERS:
-        return Verdict("FAIL", (f"{off}: {WHAT_CHANGED}",))
-    return Verdict("PASS", (f"{within}; {off}",))
+    if many:
+        return Verdict("FAIL", (f"{named}: {WHAT_CHANGED}",))
+    return Verdict("PASS", (f"{within}; {named}" if named else within,))
 
 
 def _contradicting(model: SelfModel, dataset: Dataset, evaluation: PixelEvaluation) -> NDArray:

@@ -36,7 +36,6 @@ def mirror_body(
     pixel_sigma: float = 0.3,
     play_deg: float = 0.5,
     radius: float | None = None,
-    mirrors: Mapping[str, Mirror] = MIRRORS,
 ) -> SimulatedMirrors:
     """Build a simulated Nico before mirrors.
 
@@ -45,7 +44,6 @@ def mirror_body(
         pixel_sigma: Noise of each pixel coordinate [px].
         play_deg: Half the width of the joints' noise [deg].
         radius: Radius of curvature of the mirrors [m]; flat if omitted.
-        mirrors: Where the mirrors are meant to stand before the left camera.
 
     Returns:
         The body.
@@ -56,7 +54,7 @@ def mirror_body(
     X_BL = tree.poses({**arm.held, **HEAD}, arm.base_link, [camera])[0]
     return SimulatedMirrors(
         replace(arm, chain=arm.chain.moved(inverse(X_BL))),
-        mirrors,
+        MIRRORS,
         seed,
         pixel_sigma=pixel_sigma,
         play=float(np.radians(play_deg)),

@@ -15,7 +15,7 @@ from nico_selfmodel.experiments.mirror import (
 )
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.sessions.body_scenario import learn_body
-from nico_selfmodel.sessions.camera_scenario import Counts, RenderedNico
+from nico_selfmodel.sessions.camera_scenario import RenderedNico
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, of_robot, telling
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
@@ -36,7 +36,6 @@ def run_rendered_mirror(
     world: Imperfections,
     individuals: int = 1,
     seed: int = 0,
-    counts: Counts | None = None,
     progress: Stage | None = None,
 ) -> MirrorExperiment:
     """Let robots learn cameras and arm from pictures, then three mirrors by looking into them.
@@ -45,7 +44,6 @@ def run_rendered_mirror(
         world: What is wrong with the bodies.
         individuals: Simulated robots; minutes each.
         seed: Of the first one.
-        counts: How much cameras and arm are learned from.
         progress: Told how far it is.
 
     Returns:
@@ -57,24 +55,18 @@ def run_rendered_mirror(
     trials = []
     for i in range(individuals):
         stage = of_robot(progress, i, individuals)
-        trials.append(rendered_trial(world, seed + i, counts, stage))
+        trials.append(_trial(world, seed + i, stage))
     play = float(np.degrees(world.play))
     return experiment_of(trials, PIXEL_SIGMA, play, RENDERED_MIRRORS, rendered=True)
 
 
-def rendered_trial(world: Imperfections, seed: int, counts: Counts | None, stage: Stage) -> Trial:
+def _trial(world: Imperfections, seed: int, stage: Stage) -> Trial:
     """Let one robot learn.
-
-    Args:
-        world: What is wrong with the body.
-        seed: Which robot.
-        counts: How much cameras and arm are learned from.
-        stage: Told how far it is.
 
     Raises:
         DataError: If too few poses showed the hand in a mirror.
     """
-    scenario = learn_body(world, seed, marker=MARKER, counts=counts, stage=stage)
+    scenario = learn_body(world, seed, marker=MARKER, stage=stage)
     # One camera is enough for a pose to count, so that both may have seen fewer.
     direct = seen_by_both(scenario.arm.test, "", TEST_POSES, TEST_POSES // 2)
     nico = RenderedNico(world, seed, (MARKER,))

@@ -21,7 +21,7 @@ from nico_selfmodel.systems.simulated.sensors import StereoPixels
 
 TRACKERS = {"fiducial": 0.3, "color": 2.0}
 """Noise of a tracked pixel coordinate, independent in both cameras [px]."""
-_MARKERS = {"fiducial": "fiducial", "color": "finger_tip"}
+MARKERS = {"fiducial": "fiducial", "color": "finger_tip"}
 """What each tracker looks at."""
 
 
@@ -139,7 +139,7 @@ class ProjectedNico:
 @cache
 def _tracked_by(tracker: str) -> ProjectedNico:
     """Plan home and sweeps once: nothing in them is random, and nobody can change them."""
-    points = {"hand": MARKER_FRAMES[_MARKERS[tracker]]}
+    points = {"hand": MARKER_FRAMES[MARKERS[tracker]]}
     arm = ArmDescription.from_urdf("nico", "chest", "right_hand", looking(), points)
     workspace = VisibleWorkspace.of(arm, limits=PROJECTED)
     return ProjectedNico(tracker, workspace, *workspace.home_and_arcs())

@@ -6,6 +6,7 @@ import numpy as np
 
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.experiments.irreducible_error import Limit
+from nico_selfmodel.experiments.projected_nico import MARKERS
 from nico_selfmodel.experiments.refinement import SEED, Scenario
 from nico_selfmodel.sessions.camera_scenario import (
     Counts,
@@ -16,8 +17,6 @@ from nico_selfmodel.sessions.camera_scenario import (
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
-MARKERS = {"fiducial": "fiducial", "color": "finger_tip"}
-"""How the hand is tracked -> what is tracked."""
 COUNTS = Counts(boards=13, test_boards=12)
 """The thesis' 13 boards, 60 circle, 100 random and 100 test poses; boards to judge by beside them.
 """

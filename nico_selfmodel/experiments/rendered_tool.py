@@ -73,12 +73,11 @@ def rendered_tool_scenario(
     return ToolScenario(model, hand, taken, shown)
 
 
-def arm_with_tool(folder: Path, shift: NDArray = TOOL) -> ArmDescription:
+def arm_with_tool(folder: Path) -> ArmDescription:
     """Put a screwdriver into the robot's hand; the tape is on its tip and no longer on the finger.
 
     Args:
         folder: Where to write the robot with its tool.
-        shift: From the finger's tip to the tool's, along the base's axes at q = 0 [m]. Shape (3,).
 
     Returns:
         The arm before its cameras, the tip in the place of the marker on the finger.
@@ -87,7 +86,7 @@ def arm_with_tool(folder: Path, shift: NDArray = TOOL) -> ArmDescription:
     document = read_document(arm.urdf)
     robot = robot_element(document)
     _take_tape_off(robot)
-    p_FT = arm.links.X_BH[0][:3, :3].T @ shift
+    p_FT = arm.links.X_BH[0][:3, :3].T @ TOOL
     append_frame_link(robot, _TIP, _FINGER, transform(_along(p_FT), p_FT))
     tip = next(link for link in children(robot, "link") if link.getAttribute("name") == _TIP)
     length = float(np.linalg.norm(p_FT))

@@ -102,10 +102,10 @@ def run_stereo(
     )
 
 
-def board_points(columns: int = 9, rows: int = 6, square: float = SQUARE) -> np.ndarray:
-    """Return the corners of a board [m]. Shape (columns * rows, 3)."""
-    across, down = np.meshgrid(np.arange(columns), np.arange(rows))
-    return square * np.stack([across, down, np.zeros_like(across)], axis=-1).reshape(-1, 3)
+def board_points() -> np.ndarray:
+    """Return the corners of the thesis' board, 9 x 6 [m]. Shape (54, 3)."""
+    across, down = np.meshgrid(np.arange(9), np.arange(6))
+    return SQUARE * np.stack([across, down, np.zeros_like(across)], axis=-1).reshape(-1, 3)
 
 
 def _row(lens: str, count: int, cameras: list[SimulatedCameras]) -> StereoRow:

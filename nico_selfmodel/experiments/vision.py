@@ -8,7 +8,7 @@ import numpy as np
 
 from nico_selfmodel.estimation.results.errors import ErrorStatistics
 from nico_selfmodel.experiments.experiment_report import ExperimentReport, Pair, Table, bars, spread
-from nico_selfmodel.sessions.camera_scenario import ArmScenario, Counts, learn_cameras_and_arm
+from nico_selfmodel.sessions.camera_scenario import ArmScenario, learn_cameras_and_arm
 from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 from nico_selfmodel.viz.figures.experiment_charts import bar_chart
@@ -66,7 +66,6 @@ def run_vision(
     *,
     individuals: int = 1,
     seed: int = 0,
-    counts: Counts | None = None,
     progress: Stage | None = None,
 ) -> VisionExperiment:
     """Let robots learn cameras and arm from pictures, in which both markers are tracked.
@@ -75,7 +74,6 @@ def run_vision(
         world: What is wrong with the bodies.
         individuals: Simulated robots.
         seed: Of the first one.
-        counts: How much is recorded: the thesis' 60 circle, 100 random and 100 test poses.
         progress: Told how far it is.
 
     Returns:
@@ -85,9 +83,7 @@ def run_vision(
     for i in range(individuals):
         stage = of_robot(progress, i, individuals)
         markers = tuple(ROWS.values())
-        scenarios.append(
-            learn_cameras_and_arm(world, seed + i, markers=markers, counts=counts, stage=stage)
-        )
+        scenarios.append(learn_cameras_and_arm(world, seed + i, markers=markers, stage=stage))
     rows = tuple(
         _row(tracked, [scenario.arms[marker] for scenario in scenarios])
         for tracked, marker in ROWS.items()

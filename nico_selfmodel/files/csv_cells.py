@@ -4,8 +4,12 @@ A cell that begins with = + - @ or a tab is a formula to spreadsheets, whatever 
 it (CWE-1236); an apostrophe before it makes it text. Reading takes the apostrophe away again.
 """
 
+import csv
+import io
 import re
 from collections.abc import Iterable, Mapping
+from itertools import chain
+from typing import Any
 
 _STARTS = ("=", "+", "-", "@", "\t")
 _SPECIAL = re.compile('[,"\r\n]')
@@ -57,6 +61,15 @@ def table_text(columns: Mapping[str, Iterable[str]], *, heading: bool = True) ->
     rows = map(",".join, zip(*columns.values(), strict=True))
     first = [",".join(text_cells(columns))] if heading else []
     return "\n".join([*first, *rows, ""])
+
+
+def rows_text(headings: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
+    """Return rows under headings as text: numbers to the last bit, None as an empty cell."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    for row in chain([headings], rows):
+        writer.writerow([safe_cell(v) if isinstance(v, str) else v for v in row])
+    return buffer.getvalue()
 
 
 def _is_guarded(cell: str) -> bool:

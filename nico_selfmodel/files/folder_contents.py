@@ -13,7 +13,8 @@ _KINDS = (
 """A file that tells what a folder is, and what that is; the first one that is there counts."""
 _HEAD = 64
 """Where a result states its verdict [bytes]: at its beginning."""
-_PICTURES = (".png", ".jpg", ".jpeg")
+SUFFIXES = (".png", ".jpg", ".jpeg")
+"""Of pictures."""
 
 
 def found_at(path: Path) -> str:
@@ -26,7 +27,7 @@ def found_at(path: Path) -> str:
     for name, kind in _KINDS:
         if name in names:
             return f"{path} is {kind} ({name})"
-    pictures = any(name.lower().endswith(_PICTURES) for name in names)
+    pictures = any(name.lower().endswith(SUFFIXES) for name in names)
     return f"{path} is a folder of {'pictures' if pictures else 'other files'}"
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.geometry.plane import Plane
-from nico_selfmodel.geometry.rotation import signed_angle, tangent_basis
+from nico_selfmodel.geometry.rotation import frame_along, signed_angle, tangent_basis
 from nico_selfmodel.least_squares import NormalEquations, levenberg_marquardt
 
 
@@ -139,7 +139,7 @@ def refine_circle(
         The refined circle.
     """
     free = slice(0, 5 if pin_radius else 6)
-    frame = np.column_stack([tangent_basis(normal), normal])
+    frame = frame_along(normal)
     offset = (points - center) @ frame
 
     def evaluate(x: NDArray) -> NormalEquations:
@@ -159,7 +159,7 @@ def _measured_circle(
     points: NDArray, center: NDArray, normal: NDArray, radius: float, sigma: float | None
 ) -> Circle:
     """Complete a fitted circle with its arc, rms and covariance."""
-    frame = np.column_stack([tangent_basis(normal), normal])
+    frame = frame_along(normal)
     offset = (points - center) @ frame
     r, jacobian = _residuals(offset, radius, np.zeros(6))
     angles = np.sort(np.arctan2(offset[:, 1], offset[:, 0]))

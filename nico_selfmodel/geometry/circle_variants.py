@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.geometry.circle import Circle, covariance_of, pratt_circle, refine_circle
 from nico_selfmodel.geometry.plane import Plane
-from nico_selfmodel.geometry.rotation import rotation_from_vector, skew, tangent_basis
+from nico_selfmodel.geometry.rotation import frame_along, rotation_from_vector, skew
 from nico_selfmodel.least_squares import NormalEquations, levenberg_marquardt
 
 _CANDIDATES = 6
@@ -82,7 +82,7 @@ def _refine_with_angles(
         x[3:6] = 0.0
     r, jacobian = residuals(x, frame)
     normal = frame[:, 2]
-    basis = np.column_stack([tangent_basis(normal), normal])
+    basis = frame_along(normal)
     # A turn w moves the normal by w x n: along u by w.v, along v by -w.u.
     select = np.zeros((6, 7))
     select[:3, :3], select[3, 3:6], select[4, 3:6] = basis.T, basis[:, 1], -basis[:, 0]

@@ -49,3 +49,8 @@ class Plane:
     def distance_to(self, points: ArrayLike) -> NDArray:
         """Return the signed distances of points along the normal [m]. Shape (..., 3) -> (...)."""
         return np.asarray(points, dtype=float) @ self.normal + self.offset
+
+    def met_between(self, starts: NDArray, ends: NDArray) -> NDArray:
+        """Return where straight ways meet the plane, as lines of sight do. Shape (..., 3)."""
+        near, far = self.distance_to(starts), self.distance_to(ends)
+        return starts + (near / (near - far))[..., None] * (ends - starts)

@@ -208,6 +208,11 @@ def tangent_basis(direction: ArrayLike) -> NDArray:
     return out
 
 
+def frame_along(direction: ArrayLike) -> NDArray:
+    """Return a rotation whose z is a unit direction. Shape (3, 3)."""
+    return np.column_stack([tangent_basis(direction), direction])
+
+
 def move_on_sphere(direction: ArrayLike, step: ArrayLike) -> tuple[NDArray, NDArray]:
     """Follow great circles: d(t) = d cos|t| + B t sin|t|/|t|, with its derivative.
 

@@ -42,7 +42,7 @@ class ParameterCovariance:
         """Check the matrix and make it read-only."""
         if len(set(self.names)) != len(self.names):
             raise ValueError("the covariance names a parameter twice")
-        matrix = frozen_covariance(self.matrix, len(self.names), "covariance")
+        matrix = frozen_covariance(self.matrix, len(self.names))
         object.__setattr__(self, "matrix", matrix)
 
 

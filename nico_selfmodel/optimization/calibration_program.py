@@ -1,18 +1,21 @@
 """A program of named variables and residual blocks with analytic derivatives."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.least_squares import NormalEquations
+from nico_selfmodel.least_squares import NormalEquations, Step, levenberg_marquardt
 from nico_selfmodel.names import refuse_unknown
-from nico_selfmodel.optimization.free_variables import minimised
 from nico_selfmodel.optimization.losses import Loss
 from nico_selfmodel.optimization.residual_block import ResidualBlock, SummedBlock
-from nico_selfmodel.optimization.separable_block import SeparableBlock, shared_information
+from nico_selfmodel.optimization.separable_block import (
+    SeparableBlock,
+    eliminated_step,
+    shared_information,
+)
 from nico_selfmodel.optimization.uncertainty import covariance_told_by
 
 if TYPE_CHECKING:
@@ -67,7 +70,7 @@ class CalibrationProgram:
         if self._prog is None:
             from nico_selfmodel.optimization.drake_program import drake_program
 
-            self._prog = drake_program(self)
+            self._prog = drake_program(self.names, self._start, self._fixed, self.normal_equations)
         return self._prog
 
     @property
@@ -135,11 +138,6 @@ class CalibrationProgram:
         self._fixed.pop(self.index(name), None)
         self._prog = None
 
-    @property
-    def fixed(self) -> Mapping[int, float]:
-        """Index and value of the variables that are fixed."""
-        return self._fixed
-
     def add_prior(self, name: str, mean: float, sigma: float) -> None:
         """Add ((x - mean) / sigma)^2 to the sum of squares; replaces a variable's earlier prior.
 
@@ -156,10 +154,10 @@ class CalibrationProgram:
         names = self.names
         return {names[index]: prior for index, prior in self._priors.items()}
 
-    def add_residuals(self, block: ResidualBlock, loss: Loss | None = None) -> int:
+    def add_residuals(self, block: ResidualBlock) -> int:
         """Add a residual block; its variables must exist. Returns its number, for `set_loss`."""
         columns = np.array([self.index(name) for name in block.names])
-        self._terms.append(_Term(block, columns, loss or Loss(), None))
+        self._terms.append(_Term(block, columns, Loss(), None))
         return len(self._terms) - 1
 
     def set_loss(self, number: int, loss: Loss, weights: NDArray | None = None) -> None:
@@ -287,21 +285,53 @@ class CalibrationProgram:
             The solution, converged or not.
 
         Raises:
-            ValueError: If the solver is unknown.
+            ValueError: If the solver is unknown, or the start is not finite.
             ImpossibleModelError: If the start itself cannot be.
         """
         refuse_unknown("solver", solver, SOLVERS)
         if solver == "lm":
-            x, last = minimised(
-                self, self.start, max_iterations=max_iterations, tolerance=tolerance
-            )
-            return ProgramSolution(x, last.cost, last.converged, last.iterations, last.history)
+            return self._minimised(max_iterations, tolerance)
         from nico_selfmodel.optimization.drake_program import solved_by_drake
 
         x, success = solved_by_drake(self.prog, solver)
         cost = self.normal_equations(x)[0]
         # SNOPT reports success on a NaN cost.
         return ProgramSolution(x, cost, success and bool(np.isfinite(cost)), 0, (cost,))
+
+    def _minimised(self, max_iterations: int, tolerance: float) -> ProgramSolution:
+        """Minimise by Levenberg and Marquardt over the variables that are not fixed."""
+        x, free = self.start, np.flatnonzero(self.free)
+        if not np.isfinite(x).all():
+            raise ValueError("the initial guess must be finite; set a start for every variable")
+        x[list(self._fixed)] = list(self._fixed.values())
+        within = np.ix_(free, free)
+
+        def evaluate(y: NDArray) -> NormalEquations:
+            x[free] = y
+            cost, gradient, hessian = self.normal_equations(x)
+            return cost, gradient[free], hessian[within]
+
+        last = levenberg_marquardt(
+            evaluate,
+            x[free],
+            step=_eliminating(self.own_variables, free),
+            max_iterations=max_iterations,
+            tolerance=tolerance,
+        )
+        x[free] = last.x
+        return ProgramSolution(x, last.cost, last.converged, last.iterations, last.history)
+
+
+def _eliminating(own: NDArray | None, free: NDArray) -> Step | None:
+    """Return the step that eliminates blocks of variables, where all of them are free."""
+    if own is None or not np.isin(own, free).all():
+        return None
+    places = np.searchsorted(free, own)
+
+    def step(hessian: NDArray, gradient: NDArray, damping: NDArray) -> NDArray | None:
+        return eliminated_step(hessian, gradient, damping, places)
+
+    return step
 
 
 def _weigh(term: _Term, r: NDArray) -> tuple[NDArray, NDArray]:

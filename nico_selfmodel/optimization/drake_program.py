@@ -1,7 +1,7 @@
 """A program of residual blocks as a MathematicalProgram, and the solvers of Drake's own."""
 
-from collections.abc import Mapping
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,40 +12,29 @@ from nico_selfmodel.errors import ImpossibleModelError
 from nico_selfmodel.least_squares import NormalEquations
 
 
-class NamedProgram(Protocol):
-    """What Drake has to know of a program."""
+def drake_program(
+    names: Sequence[str],
+    start: NDArray,
+    fixed: Mapping[int, float],
+    evaluate: Callable[[NDArray], NormalEquations],
+) -> MathematicalProgram:
+    """Return a program with one cost over all its variables.
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the decision variables, in their order."""
-        ...
-
-    @property
-    def start(self) -> NDArray:
-        """The values from which a solver starts. Shape (p,)."""
-        ...
-
-    @property
-    def fixed(self) -> Mapping[int, float]:
-        """Index and value of the variables that are fixed."""
-        ...
-
-    def normal_equations(self, x: NDArray) -> NormalEquations:
-        """Return cost, gradient and Gauss-Newton matrix at x."""
-        ...
-
-
-def drake_program(program: NamedProgram) -> MathematicalProgram:
-    """Return the program with one cost over all variables, with its start and what is fixed."""
+    Args:
+        names: Of the variables.
+        start: Their initial values. Shape (p,).
+        fixed: Index of a variable -> the value it is held at.
+        evaluate: Returns cost and gradient, and what else there is, at given values.
+    """
     prog = MathematicalProgram()
-    variables = [prog.NewContinuousVariables(1, name)[0] for name in program.names]
-    prog.SetInitialGuessForAllVariables(program.start)
-    for index, held in program.fixed.items():
+    variables = [prog.NewContinuousVariables(1, name)[0] for name in names]
+    prog.SetInitialGuessForAllVariables(start)
+    for index, held in fixed.items():
         prog.AddBoundingBoxConstraint(held, held, variables[index])
 
     def tried(x: NDArray) -> tuple[float, NDArray]:
         try:
-            return program.normal_equations(x)[:2]
+            return evaluate(x)[:2]
         except ImpossibleModelError:
             return np.inf, np.zeros(len(x))
 

@@ -107,12 +107,8 @@ class BodyBeforeMirror:
         """Return where lines of sight to a marker's reflection meet the plane. Shape (M, 3)."""
         motion, tree, plane = self._motion(q), self.view.body.tree, self.glass.plane
         p_WM = motion.pose_of(tree.markers[tree.marker_index(marker)])[1].T
-        virtual, out = reflect(plane, p_WM), []
-        for sensor in tree.sensors:
-            p_WC = motion.pose_of(sensor)[1].T
-            near, far = plane.distance_to(p_WC), plane.distance_to(virtual)
-            out.append(p_WC + (near / (near - far))[:, None] * (virtual - p_WC))
-        return np.concatenate(out)
+        virtual, centres = reflect(plane, p_WM), (motion.pose_of(s)[1].T for s in tree.sensors)
+        return np.concatenate([plane.met_between(p_WC, virtual) for p_WC in centres])
 
     def poses(self, markers: Sequence[str], count: int, rng: np.random.Generator) -> NDArray:
         """Draw poses in which every camera sees some markers in the glass.

@@ -138,10 +138,8 @@ def _spots(workspace: VisibleWorkspace, rig: MirrorRig, q: NDArray) -> NDArray:
     spots = []
     for marker in workspace.markers:
         p_BH = workspace.arm.chain.forward(q, workspace.arm.markers.index(marker))
-        for twin in rig.virtual.cameras:
-            center = twin.X_WC[:3, 3]
-            near, far = rig.plane.distance_to(center), rig.plane.distance_to(p_BH)
-            spots.append(center + (near / (near - far))[:, None] * (p_BH - center))
+        centres = [twin.X_WC[:3, 3] for twin in rig.virtual.cameras]
+        spots += [rig.plane.met_between(center, p_BH) for center in centres]
     return np.array(spots)
 
 

@@ -18,7 +18,7 @@ from pydrake.multibody.tree import (
 )
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.geometry.rotation import tangent_basis
+from nico_selfmodel.geometry.rotation import frame_along
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE, WORLD, BodyTree
@@ -190,7 +190,7 @@ def _draw(plant: MultibodyPlant, tree: BodyTree, links: list[Frame]) -> None:
     for k, ((on, p), length) in enumerate(zip(rods, lengths, strict=True)):
         if length > radius:
             z = p / length
-            X = transform(np.column_stack([tangent_basis(z), z]), 0.5 * p)
+            X = transform(frame_along(z), 0.5 * p)
             rod = Cylinder(0.6 * radius, length)
             plant.RegisterVisualGeometry(links[on].body(), rigid(X), rod, f"rod{k}", _GREY)
 

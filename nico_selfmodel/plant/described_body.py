@@ -10,7 +10,7 @@ from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint
 
 from nico_selfmodel.dataset.body.link_joint import LinkJoint
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.geometry.rotation import tangent_basis
+from nico_selfmodel.geometry.rotation import frame_along
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, PRISMATIC, REVOLUTE, WORLD, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
@@ -106,5 +106,5 @@ def _axis_frame(described: KinematicTree, root: str, joint: Joint, motion: str) 
     revolute = isinstance(joint, RevoluteJoint)
     axis = joint.revolute_axis() if revolute else joint.translation_axis()
     X_WF = described.poses({}, root, [joint.frame_on_parent()])[0]
-    turn = np.column_stack([tangent_basis(np.asarray(axis)), axis])
+    turn = frame_along(axis)
     return X_WF @ transform(turn, np.zeros(3))

@@ -15,6 +15,8 @@ from nico_selfmodel.servos.motor_driver import MotorDriver
 from nico_selfmodel.with_blocks import ClosedAtEnd
 
 DEFAULT_PERIOD = 0.05
+_PATIENCE = 10.0
+"""How long the driver is waited for [s]."""
 _T = TypeVar("_T")
 
 
@@ -50,7 +52,7 @@ class ArmLoop(ClosedAtEnd):
         self.start()
         return self
 
-    def start(self, timeout: float = 10.0) -> ArmState:
+    def start(self, timeout: float = _PATIENCE) -> ArmState:
         """Start the thread and wait for the first complete reading.
 
         Returns:
@@ -153,12 +155,11 @@ class ArmLoop(ClosedAtEnd):
         """
         self.call(lambda arm: arm.stop())
 
-    def call(self, action: Callable[[MotorDriver], _T], timeout: float = 10.0) -> _T:
+    def call(self, action: Callable[[MotorDriver], _T]) -> _T:
         """Do something with the driver between two cycles, and wait for its result.
 
         Args:
             action: Is given the driver, in the arm's own thread.
-            timeout: How long to wait [s].
 
         Raises:
             RobotError: If the thread has failed or does not come to it in time.
@@ -172,9 +173,9 @@ class ArmLoop(ClosedAtEnd):
             self._jobs.append((action, future))
             self._wake.notify_all()
         try:
-            return future.result(timeout)
+            return future.result(_PATIENCE)
         except TimeoutError:
-            raise BusError(f"the arm's thread did not answer within {timeout:g} s") from None
+            raise BusError(f"the arm's thread did not answer within {_PATIENCE:g} s") from None
 
     def close(self) -> None:
         """Stop what moves, end the thread and give the port back; never fails."""

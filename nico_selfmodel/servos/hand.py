@@ -18,6 +18,7 @@ FINGERS = ("index", "fingers")
 WAYS = ("open", "close")
 LONGEST_RUN = 5.0
 """What the board runs a motor at most [s], whatever it is told."""
+_RATE = 9600
 _ANSWER_TIME = 0.2
 _ATTEMPTS = 3
 
@@ -46,14 +47,14 @@ class Hand(ClosedAtEnd):
     """`open`, `closed` or `unknown` for each finger."""
 
     @classmethod
-    def open_port(cls, name: str, rate: int = 9600) -> "Hand":
+    def open_port(cls, name: str) -> "Hand":
         """Open the hand's serial port and see that a hand is there.
 
         Raises:
             PortLostError: If the port cannot be opened.
             BusError: If no hand answers.
         """
-        hand = cls(SerialPort(name, rate))
+        hand = cls(SerialPort(name, _RATE))
         try:
             hand.identify()
         except BusError:

@@ -13,6 +13,9 @@ from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
+_TEST_POSES = 100
+"""Poses recorded for judging."""
+
 
 @dataclass(frozen=True, eq=False)
 class MotionCaptureScenario:
@@ -34,7 +37,6 @@ def learn_by_motion_capture(
     *,
     seed: int = 0,
     random_poses: int = 100,
-    test_poses: int = 100,
     stage: Stage | None = None,
 ) -> MotionCaptureScenario:
     """Record a simulated arm and learn it.
@@ -45,7 +47,6 @@ def learn_by_motion_capture(
         world: What is wrong with body and tracker.
         seed: Of the robot.
         random_poses: Poses recorded for training beside the circles.
-        test_poses: Poses recorded for judging.
         stage: Called with what is going on, steps done and steps in all.
 
     Returns:
@@ -64,7 +65,7 @@ def learn_by_motion_capture(
     test = simulated_session(
         arm,
         world,
-        replace(protocol, random_poses=test_poses),
+        replace(protocol, random_poses=_TEST_POSES),
         "test",
         seed=seed,
         session=1,

@@ -41,8 +41,7 @@ class RenderedBody:
     @property
     def ground_truth(self) -> WholeNico:
         """What only the simulation knows: for judging and for tests, never for learning."""
-        flaws = self.world
-        flaws = imperfections_named(flaws) if isinstance(flaws, str) else flaws
+        flaws = imperfections_named(self.world)
         return WholeNico.build(self.whole.body, flaws, self.seed, NICO_CAMERAS)
 
     def station(

@@ -69,8 +69,7 @@ class RenderedNico:
     @property
     def ground_truth(self) -> GroundTruth:
         """What only the simulation knows: for judging and for tests, never for learning."""
-        flaws = self.world
-        flaws = imperfections_named(flaws) if isinstance(flaws, str) else flaws
+        flaws = imperfections_named(self.world)
         return NicoInstance.build(self.arm, flaws, self.seed, NICO_CAMERAS).ground_truth
 
     @property

@@ -19,7 +19,6 @@ from nico_selfmodel.sessions.watching import ELSEWHERE, ELSEWHERE_M
 from nico_selfmodel.sessions.whole_recording import WholeRecording
 from nico_selfmodel.systems.looking import arms_among
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate, put_mirror
-from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 from nico_selfmodel.systems.stations.station_body import StationBody
 from nico_selfmodel.systems.tracking.shared_search import corner_names
@@ -43,7 +42,6 @@ class WatchingBody(LiveStation[WholeBodyView, Mapping[str, NDArray]]):
         seed: int,
         *,
         mirror: tuple[str, Mirror | None] | None = None,
-        quality: ImageQuality | None = None,
         recording: bool = False,
     ) -> None:
         """Wake the robot up and draw it.
@@ -55,7 +53,6 @@ class WatchingBody(LiveStation[WholeBodyView, Mapping[str, NDArray]]):
             mirror: A mirror that the model knows, and where it is put before the left camera of
                 the robot as described that looks straight ahead; None as place for where
                 `simulate whole-body --mirror` puts one.
-            quality: Of the pictures.
             recording: Keep an animation.
 
         Raises:
@@ -70,8 +67,7 @@ class WatchingBody(LiveStation[WholeBodyView, Mapping[str, NDArray]]):
             f"{side} hand": corner_names(marker) for side, marker in self.whole.hands.items()
         }
         lenses = [model.tree.lenses[sensor.name] for sensor in model.tree.sensors]
-        usual = QUICK if mirror is None else FINE
-        robot = RenderedBody(world, seed, self.whole, quality or usual)
+        robot = RenderedBody(world, seed, self.whole, QUICK if mirror is None else FINE)
         self._before = None if mirror is None else _before(model, self.whole, *mirror)
         plate = None if mirror is None else _PLATE
         self.station = robot.station(_DAY, StereoRig(*lenses), plate)

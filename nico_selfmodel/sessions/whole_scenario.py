@@ -25,26 +25,15 @@ from nico_selfmodel.sessions.rendered_body import QUICK, RenderedBody
 from nico_selfmodel.sessions.room_lenses import lenses_of, look_about
 from nico_selfmodel.sessions.whole_recording import WholeRecording, with_lenses
 from nico_selfmodel.systems.looking import HEAD_JOINTS
-from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 from nico_selfmodel.systems.tracking.shared_search import corner_names
 
 _INTRINSICS = ("fx", "fy", "cx", "cy", "k1", "k2", "k3")
 """Of each lens, free when everything is learned together."""
-
-
-@dataclass(frozen=True)
-class BodyCounts:
-    """How much is recorded."""
-
-    looks: int = 40
-    """Poses in which the head looks about the room."""
-    hands: int = 90
-    """Poses of each hand before the cameras: of fewer, joint noise hides what sags."""
-    test_looks: int = 8
-    """Held-out poses of the head."""
-    test_hands: int = 25
-    """Held-out poses of each hand."""
+_LOOKS, _TEST_LOOKS = 40, 8
+"""Poses in which the head looks about the room, and of those held out."""
+_HANDS, _TEST_HANDS = 90, 25
+"""Poses of each hand before the cameras: of fewer, joint noise hides what sags; and held out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +60,6 @@ def learn_whole(
     seed: int = 0,
     *,
     arms: Sequence[str] = ("right", "left"),
-    counts: BodyCounts | None = None,
-    quality: ImageQuality | None = None,
     stage: Stage | None = None,
 ) -> WholeScenario:
     """Let a whole Nico look about a room and at its hands, and learn itself from the pictures.
@@ -81,8 +68,6 @@ def learn_whole(
         world: What is wrong with the body.
         seed: Which robot.
         arms: Which arms move: `right`, `left`, none of them for the head alone.
-        counts: How much is recorded.
-        quality: Of the pictures.
         stage: Told what is going on.
 
     Returns:
@@ -93,22 +78,20 @@ def learn_whole(
         DataError: If too little was seen.
         EstimationError: If no body explains it.
     """
-    counts = counts or BodyCounts()
     whole = WholeRecording(tuple(arms))
-    robot = RenderedBody(world, seed, whole, quality or QUICK)
+    robot = RenderedBody(world, seed, whole, QUICK)
     # What cannot be seen is said before anything is recorded.
     whole.plan(1, 1, np.random.default_rng(seed))
-    looks, alone = look_about(robot, counts.looks, telling(stage, "looking about the room"))
+    looks, alone = look_about(robot, _LOOKS, telling(stage, "looking about the room"))
     lenses = lenses_of(alone)
     train = with_lenses(looks, lenses)
-    hands = counts.hands if arms else 0
-    head = _learned_head(train) if hands else None
-    if hands:
+    head = _learned_head(train) if arms else None
+    if arms:
         seen = robot.record(
             "hands",
             1,
             0,
-            hands,
+            _HANDS,
             lenses=lenses,
             learned=head,
             progress=telling(stage, "looking at its hands"),
@@ -118,8 +101,8 @@ def learn_whole(
     test = robot.record(
         "test",
         2,
-        counts.test_looks,
-        counts.test_hands if hands else 0,
+        _TEST_LOOKS,
+        _TEST_HANDS if arms else 0,
         lenses=lenses,
         learned=head,
         progress=telling(stage, "more poses, kept for judging"),

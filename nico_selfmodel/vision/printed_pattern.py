@@ -16,37 +16,29 @@ INK = 18
 white."""
 RIM = 0.5
 """Squares of white around the squares of a printed board."""
+_CELL, _CARD_CELL, _SQUARE = 48, 24, 64
+"""Sides in the picture: of a cell of a marker alone and on a card, of a board's square [px]."""
 
 
-def fiducial_png(marker: int = 0, family: str = DEFAULT_FAMILY, cell: int = 48) -> bytes:
-    """Print a marker with a white zone of one cell around it.
+def fiducial_png(marker: int) -> bytes:
+    """Print a marker of the usual family with a white zone of one cell around it.
 
     Args:
         marker: Its id.
-        family: Its family.
-        cell: Side of a cell in the picture [px].
 
     Returns:
-        A PNG, square, `FiducialFamily(family).cells + 2` cells wide.
+        A PNG, square, two cells wider than the marker.
 
     Raises:
-        ValueError: If there is no such family or id.
+        ValueError: If there is no such id.
     """
-    pattern = FiducialFamily(family).pattern(marker)
-    return _png(_enlarged(np.pad(pattern, QUIET, constant_values=True), cell))
+    pattern = FiducialFamily(DEFAULT_FAMILY).pattern(marker)
+    return _png(_enlarged(np.pad(pattern, QUIET, constant_values=True), _CELL))
 
 
-def card_png(card: TagCard, cell: int = 24) -> bytes:
-    """Print a card of markers; white is all around and between them.
-
-    Args:
-        card: The card.
-        cell: Side of a marker's cell in the picture [px].
-
-    Returns:
-        A PNG, `card.size` large.
-    """
-    family = FiducialFamily(card.family)
+def card_png(card: TagCard) -> bytes:
+    """Print a card of markers; white is all around and between them. It is `card.size` large."""
+    family, cell = FiducialFamily(card.family), _CARD_CELL
     pixels = family.cells * cell / card.side  # of a metre
     step = round(card.pitch * pixels)
     picture = np.full((card.rows * step, card.columns * step), 255, np.uint8)
@@ -59,18 +51,17 @@ def card_png(card: TagCard, cell: int = 24) -> bytes:
     return _png(picture)
 
 
-def chessboard_png(board: Board, square: int = 64) -> bytes:
+def chessboard_png(board: Board) -> bytes:
     """Print a board; the first inner square is black, and a white rim surrounds all squares.
 
     Args:
         board: The board; it has one more square each way than inner corners.
-        square: Side of a square in the picture, an even number [px].
 
     Returns:
         A PNG, `printed_size(board)` large.
     """
-    squares = _enlarged(checkers(board.columns, board.rows), square)
-    return _png(np.pad(squares, round(RIM * square), constant_values=255))
+    squares = _enlarged(checkers(board.columns, board.rows), _SQUARE)
+    return _png(np.pad(squares, round(RIM * _SQUARE), constant_values=255))
 
 
 def printed_size(board: Board) -> tuple[float, float]:

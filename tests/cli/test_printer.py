@@ -8,6 +8,7 @@ import typer
 
 from nico_selfmodel.cli import printer
 from nico_selfmodel.cli.monitor import remedy
+from nico_selfmodel.cli.option_groups import Output
 
 
 @pytest.fixture
@@ -18,7 +19,7 @@ def said(project_root, tmp_path, capsys):
         path = project_root / "tests" / "golden" / f"{name}.result.json"
         document = json.loads(path.read_text()) | changes
         with pytest.raises(typer.Exit) as ended:
-            printer.result(name, document, tmp_path)
+            printer.result(name, document, Output(tmp_path))
         return capsys.readouterr().out, ended.value.exit_code
 
     return of

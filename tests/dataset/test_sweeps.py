@@ -83,7 +83,6 @@ def test_sweeps_are_found_among_free_poses():
 
 def test_two_values_make_no_circle():
     assert by_joint(find_sweeps(grid(2, 3))).keys() == {1}
-    assert by_joint(find_sweeps(grid(2, 3), min_values=2)).keys() == {0, 1}
 
 
 def test_rows_ascend_with_the_joint_that_turns_and_cannot_be_changed():

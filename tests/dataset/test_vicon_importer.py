@@ -43,7 +43,8 @@ frame_start,frame_end,shoulder,encoder.elbow,sweep
 12,14,200,5,shoulder
 15,15,300,5,shoulder
 """
-JOINTS = (JointInfo("shoulder", "counts", 4096), JointInfo("elbow", "deg"))
+UNIT = ("counts", 4096)
+JOINTS = (JointInfo("shoulder", *UNIT), JointInfo("elbow", *UNIT))
 
 
 @pytest.fixture
@@ -59,7 +60,7 @@ def files(tmp_path):
 
 
 def test_points_are_averaged_over_settled_intervals_without_their_gaps(files):
-    dataset = import_vicon(*files(), JOINTS)
+    dataset = import_vicon(*files(), *UNIT)
     assert dataset.name == "trial"
     assert dataset.joints == JOINTS
     assert dataset.sample.tolist() == [1, 1, 2, 2, 3, 3]
@@ -89,12 +90,12 @@ def test_single_frames_and_chosen_markers_are_enough(files, markers):
 def test_readings_may_say_from_which_side_joints_came(files):
     sides = READINGS.replace("sweep\n", "sweep,approach.elbow\n").replace("home\n", "home,-1\n")
     sides = sides.replace("shoulder\n", "shoulder,\n")
-    dataset = import_vicon(*files(readings=sides), JOINTS)
+    dataset = import_vicon(*files(readings=sides), *UNIT)
     first = dataset.sample == dataset.sample[0]
     assert (dataset.approach[first] == [0, -1]).all()
     assert not dataset.approach[~first].any()
     with pytest.raises(DataError, match=r"readings\.csv, line 2.*'down' is not a number"):
-        import_vicon(*files(readings=sides.replace("home,-1", "home,down")), JOINTS)
+        import_vicon(*files(readings=sides.replace("home,-1", "home,down")), *UNIT)
 
 
 def test_metres_windows_newlines_and_a_padded_title_are_understood(files):
@@ -141,7 +142,7 @@ def test_markers_of_two_subjects_keep_their_full_names(files):
 )
 def test_a_bad_export_is_refused_with_its_place(files, old, new, message):
     with pytest.raises(DataError, match=re.escape(message)):
-        import_vicon(*files(EXPORT.replace(old, new)), JOINTS)
+        import_vicon(*files(EXPORT.replace(old, new)), *UNIT)
 
 
 @pytest.mark.parametrize(
@@ -151,32 +152,22 @@ def test_a_bad_export_is_refused_with_its_place(files, old, new, message):
         ("12,14", "14,12", "line 3, column 'frame_end': frame_end 12 lies before frame_start 14"),
         ("frame_end", "frame", "give column 'frame' or 'frame_start' and 'frame_end'"),
         ("frame_start", "start", "column 'frame_start' is missing"),
-        ("shoulder,e", "sholder,e", "column 'shoulder' is missing, but 'sholder' looks like it"),
         ("5,home", "5,hme", "line 2, column 'sweep': there is no joint 'hme'"),
         ("200", "", "line 3, column 'shoulder': the cell is empty"),
     ],
 )
 def test_bad_readings_are_refused_with_their_place(files, old, new, message):
     with pytest.raises(DataError, match=re.escape(message)):
-        import_vicon(*files(readings=READINGS.replace(old, new)), JOINTS)
+        import_vicon(*files(readings=READINGS.replace(old, new)), *UNIT)
 
 
 def test_a_marker_that_is_not_there_is_named_beside_those_that_are(files):
     with pytest.raises(DataError, match=r"no marker 'wirst', did you mean 'wrist'.*wrist, elbow"):
-        import_vicon(*files(), JOINTS, markers=["wirst"])
+        import_vicon(*files(), *UNIT, markers=["wirst"])
 
 
-def test_the_unit_of_the_encoders_must_be_said_once(files):
-    with pytest.raises(ValueError, match="either joints or encoder_unit"):
-        import_vicon(*files())
-    with pytest.raises(ValueError, match="either joints or encoder_unit"):
-        import_vicon(*files(), JOINTS, encoder_unit="rad")
+def test_a_unit_of_counts_says_how_many_and_readings_have_joints(files):
     with pytest.raises(DataError, match="needs a positive counts_per_turn"):
         import_vicon(*files(), encoder_unit="counts")
     with pytest.raises(DataError, match=r"readings\.csv: no column of a joint beside the frames"):
         import_vicon(*files(readings="frame,sweep\n11,\n"), encoder_unit="rad")
-
-
-def test_joints_that_contradict_each_other_are_refused(files):
-    with pytest.raises(DataError, match=r"trial\.csv: joint 'elbow' appears more than once"):
-        import_vicon(*files(readings="frame,elbow\n11,0\n"), [JOINTS[1], JOINTS[1]])

@@ -13,7 +13,7 @@ from nico_selfmodel.estimation.body.stereo_points import StereoPoints
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.judging import judge
-from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
+from nico_selfmodel.estimation.observations.hand_rows import HandPixels
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
@@ -93,12 +93,10 @@ def test_an_arm_is_learned_through_wide_cameras(seen):
 
 @pytest.mark.parametrize("kind", ["fisheye", "rational"])
 def test_derivatives_by_wide_cameras_agree_with_differences(kind):
-    from nico_selfmodel.estimation.observations.arm_views import DhArm
-
     truth = Truth.of(body())
     rig = StereoRig(*(wide(camera, kind) for camera in truth.rig.cameras))
     observations = PixelObservations.from_dataset(scenario().train)
-    block = HandPixels(observations, DhArm(observations.arm, truth.parameters), lens=kind)
+    block = HandPixels(observations, truth.parameters, kind)
     x = np.concatenate([truth.parameters.values, rig.values])
     _, jacobian = block.evaluate(x)
     for i in range(len(truth.parameters.values), len(x)):

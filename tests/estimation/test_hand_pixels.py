@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.observations.arm_views import DhArm
-from nico_selfmodel.estimation.observations.hand_pixels import (
+from nico_selfmodel.estimation.observations.hand_rows import (
     HandPixels,
+    HandPoints,
     project_to_cameras,
 )
-from nico_selfmodel.estimation.observations.hand_points import HandPoints
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.pixel_observations import (
     PixelObservations,
     seen_points,
 )
+from nico_selfmodel.model.arm.dh_parameters import slopes_by_angle
 from nico_selfmodel.plant import SelfModelPlant
 
 from .simulated_bodies import Truth, blinded, body, poses, protocol
@@ -33,11 +33,11 @@ def case():
 
 def block_of(case, kind):
     truth, data, observations = case
-    arm = DhArm(observations.arm, truth.parameters)
     if kind == "points":
         block = HandPoints(Observations.from_dataset(data), truth.parameters)
         return block, truth.parameters.values
-    return HandPixels(observations, arm), np.concatenate([arm.start, truth.rig.values])
+    x = np.concatenate([truth.parameters.values, truth.rig.values])
+    return HandPixels(observations, truth.parameters), x
 
 
 @pytest.mark.parametrize("kind", ["rows", "points"])
@@ -102,9 +102,8 @@ def test_the_drake_plant_moves_the_hand_as_the_derivatives_say(case):
     robot = SelfModelPlant.from_urdf(protocol().arm, model)
     context = robot.plant.CreateDefaultContext()
     frame = robot.tracked_point_frame("hand")
-    view = DhArm(observations.arm, truth.parameters)
-    points, _ = view.evaluate(truth.parameters.values)
-    slopes = view.by_angle(truth.parameters.values)
+    points, jacobian = observations.arm.predicted(truth.parameters)
+    slopes = slopes_by_angle(truth.parameters, jacobian)
     readings = data.encoders[observations.arm.rows]
     for i in range(3):
         q = model.servos.to_joint(readings[i])
@@ -120,8 +119,8 @@ def test_the_drake_plant_moves_the_hand_as_the_derivatives_say(case):
         robot.set_joint_angles(context, q)
         own = robot.own_context(context)
         at = robot.plant.CalcRelativeTransform(own, robot.plant.world_frame(), frame).translation()
-        assert points[:, i] == pytest.approx(at, abs=1e-10)
-        assert slopes[:, :, i] == pytest.approx(np.array(moved).T, abs=1e-8)
+        assert points[i] == pytest.approx(at, abs=1e-10)
+        assert slopes[i] == pytest.approx(np.array(moved).T, abs=1e-8)
 
 
 def test_points_are_reconstructed_where_both_cameras_saw_them(case):

@@ -176,7 +176,7 @@ def test_noise_that_explains_nothing_fails(arm, changes, words):
 
 @pytest.mark.parametrize(("of_size", "fails"), [(0.019, False), (0.021, True)])
 def test_residuals_that_depend_on_the_pose_fail_where_they_are_large(arm, of_size, fails):
-    score = Score(50.0, 1, 0.2, np.ones(1), np.ones(1), 1e-3, 1.1)
+    score = Score(50.0, 1, np.ones(1), np.ones(1), 1e-3, 1.1)
     bent = replace(with_noise(arm, of_size=of_size), patterns=(Pattern("x", score, np.zeros(0)),))
     assert (judge(bent).status == "FAIL") is fails
     assert judge(with_noise(arm, of_size=of_size)).status == "PASS"
@@ -310,7 +310,7 @@ def test_many_held_out_outliers_fail_where_the_training_has_fewer(arm, before, f
 
 
 def test_three_patterns_are_named(arm):
-    score = Score(50.0, 1, 0.2, np.ones(1), np.ones(1), 1e-3, 1.1)
+    score = Score(50.0, 1, np.ones(1), np.ones(1), 1e-3, 1.1)
     patterns = tuple(Pattern(f"cause {i}", score, np.zeros(0)) for i in range(5))
     words = " ".join(judge(replace(arm, patterns=patterns)).warnings)
     assert [f"cause {i}" in words for i in range(5)] == [True, True, True, False, False]

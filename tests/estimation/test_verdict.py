@@ -112,7 +112,7 @@ def test_a_minimum_that_one_start_reached_fails_where_it_leaves_much(good, agree
 def test_a_minimum_that_one_start_reached_fails_where_residuals_depend_on_the_pose(good):
     search = replace(good.search, labels=("random axes",) * 10, agreeing=1)
     assert judge(replace(good, search=search)).status == "PASS"
-    score = Score(50.0, 1, 0.2, np.ones(1), np.ones(1), 1e-3, 1.1)
+    score = Score(50.0, 1, np.ones(1), np.ones(1), 1e-3, 1.1)
     pattern = Pattern("the angle of joint_1", score, np.zeros((1, 3, 1)))
     verdict = judge(replace(good, search=search, patterns=(pattern,)))
     assert "only one of 10 starts" in verdict.reasons[0]

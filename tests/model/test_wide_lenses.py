@@ -8,7 +8,7 @@ import pytest
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.estimation.observations.hand_pixels import project_to_cameras
+from nico_selfmodel.estimation.observations.hand_rows import project_to_cameras
 from nico_selfmodel.model.cameras import fisheye
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import LENSES, intrinsics_of, project_in_camera

@@ -56,10 +56,9 @@ def calibrate(
     from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
     from nico_selfmodel.estimation.tree.tree_result import body_model
     from nico_selfmodel.estimation.tree.tree_setup import Wishes, robot_sigmas_of
-    from nico_selfmodel.files.whole import refuse_folder
 
     inputs_read = [dataset, held_out.test, robot, known.cameras, boards]
-    refuse_folder(output.out, force=output.force, inputs=inputs_read)
+    output.refuse(*inputs_read)
     inputs.refuse_untested(bounds, held_out)
     pins = FixedParameters.from_text(fixed.fix or (), fixed.free or ())
     wishes = Wishes(pins, priors_of(known.prior or ()))
@@ -96,7 +95,7 @@ def calibrate(
             report = tree_report(found, document)
         write_with_report(output.out, body_model(found), report, force=output.force)
         progress("writing the result", 1, 1)
-    printer.result(found.name, document, output.out, json_instead=output.as_json)
+    printer.result(found.name, document, output)
 
 
 def calibrate_mirrors(
@@ -126,7 +125,7 @@ def calibrate_mirrors(
         report = tree_report(learned.found, document)
         write_with_report(output.out, learned.model, report, force=output.force)
         progress("writing the result", 1, 1)
-    printer.result(learned.model.name, document, output.out, json_instead=output.as_json)
+    printer.result(learned.model.name, document, output)
 
 
 def rezero(model: Path, dataset: Path, output: Output, joints: list[str] | None) -> NoReturn:
@@ -137,7 +136,7 @@ def rezero(model: Path, dataset: Path, output: Output, joints: list[str] | None)
 
     body, data = load_body(model), load_body_dataset(dataset)
     document = written(rezero_body(body, data, joints), output.out, force=output.force)
-    printer.result(body.name, document, output.out, json_instead=output.as_json)
+    printer.result(body.name, document, output)
 
 
 def calibrate_tool(
@@ -151,7 +150,7 @@ def calibrate_tool(
     train, test = inputs.body_train_and_test(dataset, held_out)
     update = calibrate_body_tool(body, train, tool=tool, test=test)
     document = written(update, output.out, force=output.force)
-    printer.result(body.name, document, output.out, json_instead=output.as_json)
+    printer.result(body.name, document, output)
 
 
 def written(update: "BodyUpdate", out: Path, *, force: bool) -> dict[str, Any]:

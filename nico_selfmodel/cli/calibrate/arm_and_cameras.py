@@ -78,11 +78,10 @@ def calibrate(
     from nico_selfmodel.estimation.body.body import calibrate_body
     from nico_selfmodel.estimation.body.body_options import BodyOptions
     from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
-    from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.model.self_model_file import load_model
 
     inputs_read = [dataset, choices.model, boards.boards, held_out.test, robot]
-    refuse_folder(output.out, force=output.force, inputs=inputs_read)
+    output.refuse(*inputs_read)
     inputs.refuse_untested(bounds, held_out)
     pins = FixedParameters.from_text(fixed.fix or (), fixed.free or ())
     may_bend, vertical = effects_of(bends.effects), up_of(bends.up)
@@ -115,7 +114,7 @@ def calibrate(
             report = body_report(found, document)
         write_with_report(output.out, found.model, report, force=output.force)
         progress("writing the result", 1, 1)
-    printer.result(found.model.name, document, output.out, json_instead=output.as_json)
+    printer.result(found.model.name, document, output)
 
 
 def _views(

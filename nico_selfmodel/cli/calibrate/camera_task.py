@@ -44,11 +44,10 @@ class CameraTask:
         Raises:
             typer.Exit: With 1 where the cameras failed.
         """
-        from nico_selfmodel.files.whole import refuse_folder
         from nico_selfmodel.vision.boards.board_detections import detect_boards_of_cameras
 
         out, force = self.output.out, self.output.force
-        refuse_folder(out, force=force, inputs=[self.folder])
+        self.output.refuse(self.folder)
         inputs.refuse_untested(Bounds(None, self.require_test_px), self.held_out)
         board, options = self.board.load(), self.lens.load()
         known = inputs.model_of(self.lens.known)
@@ -59,7 +58,7 @@ class CameraTask:
             progress("writing the result", 0, 1)
             write_with_report(out, model, report, force=force)
             progress("writing the result", 1, 1)
-        printer.result(name, report.document, out, json_instead=self.output.as_json)
+        printer.result(name, report.document, self.output)
 
     def _learn(
         self,

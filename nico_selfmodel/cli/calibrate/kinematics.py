@@ -27,10 +27,8 @@ def kinematics(
     pixels, in the left camera's frame. Of several data sets, or of folders that hold some, it makes
     one folder with a result for each and one table; a robot a folder is many robots at once.
     """
-    from nico_selfmodel.files.whole import refuse_folder
-
     out, force, test = output.out, output.force, held_out.test
-    refuse_folder(out, force=force, inputs=[*dataset, test, chain.robot, search.cameras])
+    output.refuse(*dataset, test, chain.robot, search.cameras)
     bounds = groups.Bounds(require_test_mm)
     inputs.refuse_untested(bounds, held_out)
     task = ArmTask(
@@ -47,7 +45,7 @@ def kinematics(
     if len(dataset) == 1 and not _holds_data_sets(dataset[0]):
         with printer.progress_bar() as progress:
             known_as, document = task.run(dataset[0], out, progress, force=force)
-        printer.result(known_as, document, out, json_instead=output.as_json)
+        printer.result(known_as, document, output)
     if test is not None or output.name is not None:
         raise ValueError("--test and --name are for one data set: take --test-fraction for many")
     from nico_selfmodel.cli.calibrate.many import calibrate_many, recordings_in

@@ -1,7 +1,5 @@
 """`nico-selfmodel calibrate kinematics` over many recordings: a result for each, and one table."""
 
-import csv
-import io
 import json
 import os
 import warnings
@@ -16,7 +14,7 @@ from nico_selfmodel.cli import printer
 from nico_selfmodel.cli.calibrate.arm_task import ArmTask
 from nico_selfmodel.cli.result_files import stamped
 from nico_selfmodel.errors import SelfModelError
-from nico_selfmodel.files.csv_cells import safe_cell
+from nico_selfmodel.files.csv_cells import rows_text
 from nico_selfmodel.files.whole import RESULT_FILE, folder_written_whole
 from nico_selfmodel.parallel import Workers
 
@@ -87,7 +85,9 @@ def calibrate_many(
         document = stamped(_document(found))
         text = json.dumps(document, indent=1, allow_nan=False) + "\n"
         (inside / RESULT_FILE).write_text(text, encoding="utf-8")
-        (inside / TABLE_FILE).write_text(_table(found), encoding="utf-8")
+        columns = (*_COLUMNS, "reason")
+        rows = ([row[column] for column in columns] for row in found)
+        (inside / TABLE_FILE).write_text(rows_text(columns, rows), encoding="utf-8")
     if as_json:
         printer.as_json(document)
     else:
@@ -141,16 +141,6 @@ def _document(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "warnings": [],
         "recordings": [dict(row) for row in rows],
     }
-
-
-def _table(rows: Sequence[Mapping[str, Any]]) -> str:
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow([*_COLUMNS, "reason"])
-    for row in rows:
-        cells = (row[column] for column in (*_COLUMNS, "reason"))
-        writer.writerow([safe_cell(cell) if isinstance(cell, str) else cell for cell in cells])
-    return buffer.getvalue()
 
 
 def _shown(value: Any) -> str:

@@ -38,10 +38,9 @@ def mirror(
     from nico_selfmodel.estimation.judging import judge
     from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
     from nico_selfmodel.estimation.mirrors.mirror_findings import judged
-    from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.model.self_model_file import load_model
 
-    refuse_folder(output.out, force=output.force, inputs=[dataset, held_out.test, model])
+    output.refuse(dataset, held_out.test, model)
     bounds = groups.Bounds(None, require_test_px)
     if is_body_dataset(dataset):
         options.refuse_given(context, ["joint_sigma_deg", "loss"], any_body.NOISE_IS_KNOWN)
@@ -73,4 +72,4 @@ def mirror(
         report = mirror_report(found, document, pictures, robot)
         write_with_report(output.out, found.model, report, force=output.force)
         progress("writing the result", 1, 1)
-    printer.result(found.model.name, document, output.out, json_instead=output.as_json)
+    printer.result(found.model.name, document, output)

@@ -33,11 +33,10 @@ def tool(
     from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, of_tip, with_marker
     from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update
     from nico_selfmodel.estimation.monitoring.update_result import tool_result
-    from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.model.self_model_file import load_model
     from nico_selfmodel.model.tree.body_model import is_body
 
-    refuse_folder(output.out, force=output.force, inputs=[dataset, model, held_out.test])
+    output.refuse(dataset, model, held_out.test)
     if is_body(model):
         options.refuse_given(context, ["free_body", "sensor", "loss"], any_body.NOISE_IS_KNOWN)
         any_body.calibrate_tool(dataset, model, output, held_out, tool)
@@ -58,4 +57,4 @@ def tool(
 
     report = update_report(evaluation, document)
     write_with_report(output.out, evaluation.after, report, force=output.force)
-    printer.result(found.model.name, document, output.out, json_instead=output.as_json)
+    printer.result(found.model.name, document, output)

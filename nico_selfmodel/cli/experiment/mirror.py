@@ -22,9 +22,8 @@ def mirror(
     """
     from nico_selfmodel.experiments.mirror import run_mirror
     from nico_selfmodel.experiments.mirror_report import report_of
-    from nico_selfmodel.files.whole import refuse_folder
 
-    refuse_folder(output.out, force=output.force)
+    output.refuse()
     if rendered and pixel_sigma is not None:
         raise ValueError("--pixel-sigma has no meaning with --rendered: pictures have their noise")
     sigma = plausible_pixel_sigma(pixel_sigma or 0.3)

@@ -41,10 +41,9 @@ def mirror_test(
     fails is the last, but for the shape, which nothing rests on. Some 10 s a trial and a mark, 3 s
     a look, 2 s for each of 50 other ways, and 11 minutes a robot.
     """
-    from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
-    refuse_folder(output.out, force=output.force)
+    output.refuse()
     chosen = imperfections_named(imperfections)
     from nico_selfmodel.sessions.mirrors.knowing import glass_named
 

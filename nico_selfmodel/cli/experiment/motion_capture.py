@@ -23,12 +23,11 @@ def motion_capture(
     """An arm from few and from many samples (chapter 6)."""
     from nico_selfmodel.experiments.motion_capture import run_motion_capture
     from nico_selfmodel.experiments.motion_capture_report import report_of
-    from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.parallel import Workers
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
-    refuse_folder(output.out, force=output.force)
+    output.refuse()
     chosen = imperfections_named(imperfections)
     with printer.progress_bar() as progress:
         results = run_motion_capture(

@@ -27,9 +27,8 @@ def refinement(
     """
     from nico_selfmodel.experiments.refinement import run_refinement
     from nico_selfmodel.experiments.refinement_report import report_of
-    from nico_selfmodel.files.whole import refuse_folder
 
-    refuse_folder(output.out, force=output.force)
+    output.refuse()
     chosen, source = imperfect(imperfections, joint_noise_deg), None
     robots = robots or (1 if rendered else 8)
     if rendered:

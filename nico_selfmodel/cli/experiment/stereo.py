@@ -13,9 +13,8 @@ def stereo(
 ) -> None:
     """Cameras from few and from many boards (chapters 5 and 8)."""
     from nico_selfmodel.experiments.stereo import report_of, run_stereo
-    from nico_selfmodel.files.whole import refuse_folder
 
-    refuse_folder(output.out, force=output.force)
+    output.refuse()
     if robots < 2:
         raise ValueError("--robots must be at least 2: their spread is part of the result")
     sigma = plausible_pixel_sigma(pixel_sigma or 0.2)

@@ -21,9 +21,8 @@ def tool(
     """
     from nico_selfmodel.experiments.tool_report import report_of
     from nico_selfmodel.experiments.tool_use import run_tool
-    from nico_selfmodel.files.whole import refuse_folder
 
-    refuse_folder(output.out, force=output.force)
+    output.refuse()
     chosen, source = imperfect(imperfections, joint_noise_deg), None
     robots = robots or (1 if rendered else 8)
     if rendered:

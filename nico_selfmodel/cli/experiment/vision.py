@@ -15,10 +15,9 @@ def vision(
 
     Takes minutes a robot.
     """
-    from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
-    refuse_folder(output.out, force=output.force)
+    output.refuse()
     chosen = imperfections_named(imperfections)
     from nico_selfmodel.experiments.vision import report_of, run_vision
 

@@ -59,14 +59,7 @@ def learn_by_cameras(
         progress("writing the result", 1, 1)
     parts = _parts(scenario, document, sensor) + mirror_parts(document)
     more = _told_in_words(document)
-    printer.result(
-        scenario.model.name,
-        document,
-        output.out,
-        parts=parts,
-        more=more,
-        json_instead=output.as_json,
-    )
+    printer.result(scenario.model.name, document, output, parts=parts, more=more)
 
 
 def write_scenario(out: Path, scenario: "BodyScenario", marker: str, force: bool) -> dict[str, Any]:

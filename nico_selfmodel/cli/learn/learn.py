@@ -66,9 +66,7 @@ def learn(
     It looks at a chessboard, moves every joint before its cameras, and learns the cameras, the arm,
     and then both together.
     """
-    from nico_selfmodel.files.whole import refuse_folder
-
-    refuse_folder(output.out, force=output.force)
+    output.refuse()
     # What learns and draws is slow to load, and only needed once the input is known to be right.
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
@@ -170,6 +168,4 @@ def _by_motion_capture(
         ("training, refined", document["train"]),
         ("thesis, refined (real robot)", thesis),
     ]
-    printer.result(
-        first.refined.model.name, document, output.out, parts=parts, json_instead=output.as_json
-    )
+    printer.result(first.refined.model.name, document, output, parts=parts)

@@ -32,14 +32,7 @@ def learn_shape(output: Output, world: "Imperfections", seed: int) -> NoReturn:
         *mirror_parts(document),
     ]
     more = _told_in_words(document)
-    printer.result(
-        scenario.model.name,
-        document,
-        output.out,
-        parts=parts,
-        more=more,
-        json_instead=output.as_json,
-    )
+    printer.result(scenario.model.name, document, output, parts=parts, more=more)
 
 
 def write_shape_scenario(out: Path, scenario: "ShapeScenario", force: bool) -> dict[str, Any]:

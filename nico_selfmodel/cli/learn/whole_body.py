@@ -36,9 +36,7 @@ def learn_whole_body(
         )
         progress("writing the result", 1, 1)
     more = _told_in_words(document)
-    printer.result(
-        scenario.found.name, document, output.out, more=more, json_instead=output.as_json
-    )
+    printer.result(scenario.found.name, document, output, more=more)
 
 
 def _document(scenario: "WholeScenario") -> dict[str, Any]:

@@ -23,8 +23,7 @@ _RESERVED = ("frame", "frame_start", "frame_end", "sample", "sweep")
 def import_vicon(
     path: str | PathLike[str],
     encoders: str | PathLike[str],
-    joints: Sequence[JointInfo] | None = None,
-    encoder_unit: str | None = None,
+    encoder_unit: str,
     counts_per_turn: float | None = None,
     markers: Sequence[str] | None = None,
     name: str | None = None,
@@ -39,9 +38,8 @@ def import_vicon(
     Args:
         path: The export.
         encoders: The readings.
-        joints: What is known of the joints. By default every other column of the readings is
-            a joint, in their order, with the following unit.
-        encoder_unit: Unit of all joints, if `joints` is not given: `counts`, `rad` or `deg`.
+        encoder_unit: Unit of all joints, which are the other columns of the readings: `counts`,
+            `rad` or `deg`.
         counts_per_turn: Counts of one turn of the encoder, if the unit is `counts`.
         markers: Which markers to take, with or without `<subject>:`. By default all that have
             a name.
@@ -54,14 +52,10 @@ def import_vicon(
     Raises:
         DataError: If a file is not valid, a frame is not in the export or a marker is not;
             names file, line and column.
-        ValueError: If neither or both of `joints` and `encoder_unit` are given.
     """
-    if (joints is None) == (encoder_unit is None):
-        raise ValueError("give either joints or encoder_unit, not both and not neither")
     path = Path(path)
     table = CsvTable.read(Path(encoders))
-    if joints is None:
-        joints = _joints_of(table, str(encoder_unit), counts_per_turn)
+    joints = _joints_of(table, encoder_unit, counts_per_turn)
     trajectories = read_trajectories(path, markers)
     columns = _columns(table, joints, list(trajectories.points))
     columns |= _averages(table, trajectories)

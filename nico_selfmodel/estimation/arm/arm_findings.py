@@ -8,6 +8,7 @@ from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
 from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
 from nico_selfmodel.estimation.diagnosis.gear_check import gear_words
 from nico_selfmodel.estimation.diagnosis.misread_joint import misread_joints, nearest_turns
+from nico_selfmodel.estimation.noise.hand_noise import LARGEST_JOINT_NOISE
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import (
     chance_of_more,
@@ -36,8 +37,6 @@ _LARGEST_RATIO = 10.0
 """Noise of the sensor above this many stated sigmas is something else."""
 _NOTABLE_RATIO = 3.0
 """Scatter above this many stated sigmas is more than the sensor's."""
-_LARGEST_JOINT_NOISE = np.radians(5.0)
-"""A joint that is this uncertain about its encoder is not noisy but wrong."""
 _LONELY_NOISE = 0.005
 """Residuals above this share of the workspace may be those of a wrong minimum."""
 _RARE = 1.0 / 2000.0
@@ -300,7 +299,7 @@ def _noise_reason(calibration: KinematicCalibration, advice: str) -> str | None:
             f"({1e3 * stated:.2g} mm): {advice}"
         )
     worst = int(np.argmax(noise.joint_sigma))
-    if noise.joint_sigma[worst] > _LARGEST_JOINT_NOISE:
+    if noise.joint_sigma[worst] > LARGEST_JOINT_NOISE:
         return (
             f"the angle of {calibration.model.joints[worst]} would have to be off by "
             f"{np.degrees(noise.joint_sigma[worst]):.1f} deg at random to explain the points: "

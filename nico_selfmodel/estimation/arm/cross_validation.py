@@ -19,9 +19,7 @@ _SHIFT, _NO_PART = 1e-4, 1e-2
 """How far what a fold alone tells is moved [rad or m], and the share of it that counts as none."""
 
 
-def cross_validate_arm(
-    observations: Observations, solved: ArmSolution, folds: int = FOLDS
-) -> NDArray:
+def cross_validate_arm(observations: Observations, solved: ArmSolution) -> NDArray:
     """Predict each pose by a model refined without its fold.
 
     Whole poses are left out, in turn; outliers take no part. The minimum without a fold is one
@@ -30,7 +28,6 @@ def cross_validate_arm(
     Args:
         observations: The training data.
         solved: The solution of all of it.
-        folds: Number of folds.
 
     Returns:
         Errors of the inlier rows [m], nan where they depend on what their own fold alone tells;
@@ -39,11 +36,11 @@ def cross_validate_arm(
     if solved.noise is None:
         return np.zeros(0)
     sums = PoseSums.of(
-        observations, solved.parameters, solved.free, ~solved.outliers, solved.noise, folds
+        observations, solved.parameters, solved.free, ~solved.outliers, solved.noise, FOLDS
     )
     inliers, fold = observations.select(~solved.outliers), sums.fold
     fewest = min((int(part.rest.sum()) for part in splits(fold)), default=0)
-    if fold.max(initial=0) < folds - 1 or 3 * fewest <= len(solved.free):
+    if fold.max(initial=0) < FOLDS - 1 or 3 * fewest <= len(solved.free):
         return np.zeros(0)
     without = _WithoutFold(inliers, solved, sums)
     return cross_validate(fold, without.learn, without.errors)

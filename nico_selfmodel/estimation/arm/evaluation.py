@@ -6,16 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.dataset import Dataset
-from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
-from nico_selfmodel.estimation.observations.matching import (
-    reading_columns,
-)
+from nico_selfmodel.estimation.observations.matching import check_markers, reading_columns
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.results.errors import ErrorStatistics
 from nico_selfmodel.model.arm.dh_parameters import slopes_by_angle
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.names import listed
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 
 _ROUNDING_M = 1e-9
@@ -76,13 +72,7 @@ def evaluate(model: SelfModel, dataset: Dataset) -> Evaluation:
         DataError: If joints, units or markers differ, or nothing was measured.
     """
     columns = reading_columns(model, dataset)
-    seen = dict.fromkeys(dataset.marker[dataset.measured].tolist())
-    unknown = [m for m in seen if m not in model.markers]
-    if unknown:
-        raise DataError(
-            f"data set {dataset.name!r} tracks {listed(unknown)}, which the self-model does not "
-            f"know; it knows {listed(model.markers)}"
-        )
+    check_markers(model, dataset, dataset.measured)
     observations = Observations.from_dataset(dataset, model.markers)
     readings = dataset.encoders[observations.rows][:, columns]
     approach = dataset.approach[observations.rows][:, columns]

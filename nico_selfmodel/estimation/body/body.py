@@ -33,9 +33,9 @@ from nico_selfmodel.estimation.body.body_problem import (
 from nico_selfmodel.estimation.body.body_uncertainty import (
     body_uncertainty,
     noise_sigmas,
+    open_at,
     position_sigma,
 )
-from nico_selfmodel.estimation.body.few_poses import open_at
 from nico_selfmodel.estimation.body.seen_body import SeenBody
 from nico_selfmodel.estimation.cameras.board_accuracy import held_out_residuals
 from nico_selfmodel.estimation.cameras.board_check import BoardCheck
@@ -148,7 +148,6 @@ def calibrate_body(
         task.scale_from,
         solution.converged,
         iterations + solution.iterations * (found is not rigid),
-        solution.history,
         time.perf_counter() - clock,
         ladder,
     )

@@ -57,7 +57,6 @@ class BodyCalibration:
     """What holds the scale: `boards`, `cameras` that were fixed, or a fixed parameter's name."""
     converged: bool
     iterations: int
-    history: tuple[float, ...]
     seconds: float
     """Time taken, the start included."""
     ladder: Ladder

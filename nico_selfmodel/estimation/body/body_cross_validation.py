@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.body.arm_parameters import ArmParameters
 from nico_selfmodel.estimation.body.seen_body import SeenBody
-from nico_selfmodel.estimation.observations.arm_views import DhArm
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.estimation.observations.pixel_observations import (
     PixelObservations,
@@ -75,6 +74,6 @@ def _predicted(
     assert isinstance(parameters, ArmParameters)
     left = inliers.select(part.left)
     arm, rig = parameters.arm_of(values), parameters.rig_of(values)
-    p_LH = DhArm(left.arm, arm).evaluate(arm.values)[0].T
+    p_LH = left.arm.predicted(arm)[0]
     points = seen_points(left, rig, pixel_sigma)
     return np.column_stack([rig.project(p_LH), p_LH, points, told[part.left]])

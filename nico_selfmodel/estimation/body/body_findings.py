@@ -7,6 +7,7 @@ from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_
 from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.cameras.lenses.lens_folds import folds_of
 from nico_selfmodel.estimation.diagnosis.gear_check import gear_words
+from nico_selfmodel.estimation.noise.hand_noise import LARGEST_JOINT_NOISE
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.estimation.results.calibration_result import (
     FAILURE,
@@ -18,8 +19,6 @@ from nico_selfmodel.estimation.results.calibration_result import (
 from nico_selfmodel.model.cameras.projection import EVERY_INTRINSIC
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 
-_LARGEST_JOINT_NOISE = np.radians(5.0)
-"""A joint that is this uncertain about its encoder is not play."""
 _MOST_LOST = 0.02
 """Share of inlier poses that may lack a point in front of both cameras."""
 
@@ -115,7 +114,7 @@ def _ray_reason(calibration: BodyCalibration) -> str | None:
 
 def _noise_reason(calibration: BodyCalibration) -> str | None:
     noise = calibration.noise.joint_sigma
-    if noise <= _LARGEST_JOINT_NOISE:
+    if noise <= LARGEST_JOINT_NOISE:
         return None
     return (
         f"joint noise would have to be {np.degrees(noise):.1f} deg to explain the pixels: check "

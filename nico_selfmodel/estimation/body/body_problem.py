@@ -17,8 +17,7 @@ from nico_selfmodel.estimation.body.arm_parameters import ArmParameters, arm_tre
 from nico_selfmodel.estimation.body.body_initialization import named_like
 from nico_selfmodel.estimation.body.seen_body import SeenBody
 from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
-from nico_selfmodel.estimation.observations.arm_views import DhArm
-from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
+from nico_selfmodel.estimation.observations.hand_rows import HandPixels
 from nico_selfmodel.estimation.observations.observations import gears_known
 from nico_selfmodel.estimation.tree.bending_tree import TreeBend
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
@@ -216,7 +215,7 @@ def outlier_rows(seen: SeenBody, found: TreeBend) -> NDArray:
     if len(rows):
         arm, rig = arm_and_cameras(found)
         own = seen.pixels.select(rows)
-        block = HandPixels(own, DhArm(own.arm, arm), lens=rig.lenses)
+        block = HandPixels(own, arm, rig.lenses)
         x = np.concatenate([arm.values, rig.values])
         block.whiten(seen.noise_of(solution.noise).whitening(block.by_angle(x), own.seen))
         distance = np.sum(block.evaluate(x)[0] ** 2, axis=0)

@@ -15,7 +15,7 @@ from nico_selfmodel.estimation.body.body_initialization import in_left_camera, r
 from nico_selfmodel.estimation.noise.arm_solution import Linearised
 from nico_selfmodel.estimation.noise.hand_observations import covariance_of
 from nico_selfmodel.estimation.noise.training_noise import with_training_noise
-from nico_selfmodel.estimation.observations.hand_pixels import project_to_cameras
+from nico_selfmodel.estimation.observations.hand_rows import project_to_cameras
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.pixel_evaluation import (
     PixelEvaluation,

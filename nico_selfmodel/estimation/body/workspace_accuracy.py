@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.noise.hand_observations import JOINT_SIGMA, covariance_of
-from nico_selfmodel.estimation.observations.arm_views import DhArm
-from nico_selfmodel.estimation.observations.hand_pixels import project_to_cameras
-from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.estimation.observations.hand_rows import project_to_cameras
+from nico_selfmodel.model.arm.dh_parameters import slopes_by_angle
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
 
@@ -28,10 +27,9 @@ class WorkspaceAccuracy:
     """From what the parameters are uncertain by: more data cures it [m]. Shape (N,)."""
     mechanics: NDArray
     """From what the mechanics leave, play or noise about the model [m]. Shape (N,)."""
-    pixels: NDArray | None
-    """Expected pixels, nan where a camera does not see the hand; None without any. Shape (N, 4)."""
     learned_px: NDArray | None
-    """Mean over both cameras of what more data cures [px]. Shape (N,)."""
+    """Mean over both cameras of what more data cures, nan where one does not see the hand; None
+    without cameras [px]. Shape (N,)."""
     mechanics_px: NDArray | None
     """Mean over both cameras of what the mechanics leave [px]. Shape (N,)."""
 
@@ -46,75 +44,52 @@ class WorkspaceAccuracy:
         return float(np.sum(self.learned**2) / max(np.sum(self.total**2), 1e-300))
 
 
-def workspace_accuracy(
-    model: SelfModel, readings: ArrayLike, marker: str | None = None
-) -> WorkspaceAccuracy:
-    """Split the hand's uncertainty at poses into what data cure and what mechanics leave.
+def workspace_accuracy(model: SelfModel, readings: ArrayLike) -> WorkspaceAccuracy:
+    """Split the uncertainty of the hand's first point into what data cure and mechanics leave.
 
     Args:
         model: The body with its covariance; with cameras its world is the left one's frame.
         readings: Encoder readings, in their own units. Shape (N, n).
-        marker: Which tracked point; the first if omitted.
 
     Returns:
         Figures at every pose.
 
     Raises:
         ModelError: If the model has no covariance or states no noise.
-        ValueError: If the readings have not n columns, or the marker does not exist.
+        ValueError: If the readings have not n columns.
     """
     if model.covariance is None or (model.noise_sigma is None and JOINT_SIGMA not in model.fit):
         raise ModelError(
             f"self-model {model.name!r} does not say how well it is known: learn it first"
         )
-    prediction = model.predict(readings, marker)
+    prediction = model.predict(readings)
     assert prediction.covariance is not None
     learned = np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2))
-    observations = _observations(model, np.atleast_2d(np.asarray(readings, float)), marker)
-    view = DhArm(observations, model.parameters)
-    slopes = view.by_angle(model.parameters.values)
+    angles = model.servos.to_radians(np.atleast_2d(np.asarray(readings, float)))
+    by_arm = model.parameters.predict(angles, np.zeros(len(angles), dtype=int))[1]
+    slopes = slopes_by_angle(model.parameters, by_arm)
     play = float(model.fit.get(JOINT_SIGMA, 0.0))
     mechanics = np.full(len(learned), np.sqrt(3.0) * float(model.noise_sigma or 0.0))
     if play:
-        mechanics = play * np.sqrt(np.sum(slopes**2, axis=(0, 1)))
+        mechanics = play * np.sqrt(np.sum(slopes**2, axis=(1, 2)))
     if set(model.cameras) != set(SIDES):
-        return WorkspaceAccuracy(prediction.p_WH, learned, mechanics, None, None, None)
-    pixels = model.rig.project(prediction.p_WH)
-    parts = _in_images(model, view, slopes, play)
-    unseen = np.isnan(pixels).any(axis=1)
+        return WorkspaceAccuracy(prediction.p_WH, learned, mechanics, None, None)
+    parts = _in_images(model, prediction.p_WH, by_arm, slopes, play)
+    unseen = np.isnan(model.rig.project(prediction.p_WH)).any(axis=1)
     learned_px, mechanics_px = (np.where(unseen, np.nan, part) for part in parts)
-    return WorkspaceAccuracy(prediction.p_WH, learned, mechanics, pixels, learned_px, mechanics_px)
-
-
-def _observations(model: SelfModel, readings: NDArray, marker: str | None) -> Observations:
-    index = model.chain.marker_index(marker or model.markers[0])
-    count = len(readings)
-    return Observations(
-        model.joints,
-        model.markers,
-        model.servos.to_radians(readings),
-        np.full(count, index),
-        np.zeros((count, 3)),
-        np.arange(count),
-        np.arange(count),
-        np.arange(count),
-        np.arange(count),
-        np.zeros((count, len(model.joints))),
-        model.servos,
-    )
+    return WorkspaceAccuracy(prediction.p_WH, learned, mechanics, learned_px, mechanics_px)
 
 
 def _in_images(
-    model: SelfModel, view: DhArm, slopes: NDArray, play: float
+    model: SelfModel, p_LH: NDArray, by_arm: NDArray, slopes: NDArray, play: float
 ) -> tuple[NDArray, NDArray]:
     """Return rms errors in the images from parameters and from mechanics [px]. Shape (N,) each."""
-    points, by_arm = view.evaluate(model.parameters.values)
-    _, by_point, by_cameras = project_to_cameras(points, model.rig.values, model.rig.lenses)
-    by_arm = np.einsum("ain,kin->nak", by_point, by_arm)
+    _, by_point, by_cameras = project_to_cameras(p_LH.T, model.rig.values, model.rig.lenses)
+    by_arm = np.einsum("ain,nik->nak", by_point, by_arm)
     whole = np.concatenate([by_arm, by_cameras.transpose(2, 1, 0)], axis=2)
-    covariance = covariance_of(model, (*view.names, *model.rig.names))
+    covariance = covariance_of(model, (*model.parameters.names, *model.rig.names))
     variance = np.einsum("nak,kl,nal->na", whole, covariance, whole)
-    moved = np.einsum("ain,ijn->naj", by_point, slopes)
+    moved = np.einsum("ain,nij->naj", by_point, slopes)
     sensor = float(model.pixel_sigma or 0.0)
     left = play**2 * np.sum(moved**2, axis=2) + sensor**2
     # Two coordinates a camera, the mean of both cameras.

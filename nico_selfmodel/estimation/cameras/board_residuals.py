@@ -15,6 +15,7 @@ from nico_selfmodel.geometry.rotation import (
     rotation_vector_slope,
 )
 from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.arm.line_kinematics import cross
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL, intrinsics_of, project_in_camera
 from nico_selfmodel.model.cameras.rig_parameters import (
@@ -127,7 +128,7 @@ class BoardResiduals(SeparableBlock):
                 by_pose = _by_pose(x[self._pose_columns(e)], p_LQ, by_point)
                 by_shared[:, self._pose_columns(e), e] = np.moveaxis(by_pose, 2, 0)
             # a . (w x q) = (q x a) . w: how a pixel moves when the board turns by w
-            about = np.moveaxis(_cross(turned[:, None], by_point), 2, 0)
+            about = np.moveaxis(cross(turned[:, None], by_point), 2, 0)
             by_own[:, :3, e] = (slope @ about.reshape(views, 3, -1)).reshape(about.shape)
             by_own[:, 3:, e] = np.moveaxis(by_point, 2, 0)
         shape = (views, -1, cameras * 2 * corners)
@@ -188,7 +189,7 @@ def _spread(count: int, aspect: float | None) -> NDArray:
 
 def _by_pose(pose: NDArray, p_LQ: NDArray, by_point: NDArray) -> NDArray:
     """Return derivatives by (w, t) of X_LR, with p_RQ = R' exp(-[w]) (p_LQ - p_LR - t)."""
-    about = _cross(by_point, (p_LQ - pose[3:, None, None])[:, None])
+    about = cross(by_point, (p_LQ - pose[3:, None, None])[:, None])
     slope = rotation_vector_slope(pose[:3])
     return np.concatenate([_turn(slope.T, about), -by_point])
 
@@ -196,10 +197,3 @@ def _by_pose(pose: NDArray, p_LQ: NDArray, by_point: NDArray) -> NDArray:
 def _turn(matrix: NDArray, vectors: NDArray) -> NDArray:
     """Multiply along the first axis. Shapes (m, n) and (n, ...) -> (m, ...)."""
     return (matrix @ vectors.reshape(len(vectors), -1)).reshape(len(matrix), *vectors.shape[1:])
-
-
-def _cross(a: NDArray, b: NDArray) -> NDArray:
-    """Return the cross product along the first axis. Shapes (3, ...) -> (3, ...)."""
-    return np.stack(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    )

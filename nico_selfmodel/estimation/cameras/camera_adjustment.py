@@ -72,8 +72,6 @@ class CameraCalibration:
     """Whether the solver reached a minimum."""
     iterations: int
     """Of the last adjustment."""
-    history: tuple[float, ...]
-    """Cost after each step of the last adjustment [px^2]."""
     seconds: float
     """Time of the whole estimation."""
 
@@ -249,7 +247,6 @@ class Adjustment:
             0.5 * sigma**2 * float(np.sum(parts[0][~outliers] ** 2)),
             found.converged,
             self.solution.iterations,
-            tuple(sigma**2 * cost for cost in found.history),
             seconds,
         )
 

@@ -47,8 +47,6 @@ class Change:
 
     what: str
     """In words: `the encoder of elbow jumped by about 2 deg after sample 40`."""
-    chance: float
-    """How often it is found where nothing changed."""
     ratio: float
     """The mean residual without it over that with it."""
     told_from_place: bool = True
@@ -106,7 +104,7 @@ def change_in_time(
     # Sums of scores are cut and swelled, so that a pattern may gain more and explain much less.
     gain = max((pattern.score.gain for pattern in patterns), default=0.0)
     surely = found.statistic > gain or best.ratio > _EXPLAINS_MUCH
-    return Change(what, chance, best.ratio, mixed_in_time(observations, course) and surely)
+    return Change(what, best.ratio, mixed_in_time(observations, course) and surely)
 
 
 def mixed_in_time(observations: Observations, course: NDArray) -> bool:
@@ -225,4 +223,4 @@ def lag_in_time(
         f"the points {verb} the readings by about {size:.2g} of the time between two samples: take "
         "both at one moment, or let the arm settle before each sample"
     )
-    return Change(what, score.chance, score.improvement)
+    return Change(what, score.improvement)

@@ -39,12 +39,11 @@ def outliers_in_time(observations: Observations, outliers: NDArray) -> Change | 
     if not _FEWEST <= wrong.sum() <= len(wrong) - _FEWEST or len(wrong) > _MOST_VISITS:
         return None
     found, at = _excess(wrong[None])
-    rng, beyond, chance = np.random.default_rng(0), 0, 0.0
+    rng, beyond = np.random.default_rng(0), 0
     for _ in range(_ORDERS // _AT_ONCE):
         orders = rng.permuted(np.tile(wrong, (_AT_ONCE, 1)), axis=1)
         beyond += int(np.sum(_excess(orders)[0] >= found[0]))
-        chance = (1.0 + beyond) / (1.0 + _ORDERS)
-        if chance > LARGEST_CHANCE:  # more orders can only add to it
+        if (1.0 + beyond) / (1.0 + _ORDERS) > LARGEST_CHANCE:  # more orders can only add to it
             return None
     late = observations.visit > visits[at[0]]
     before = wrong[: at[0] + 1].mean() > wrong[at[0] + 1 :].mean()
@@ -54,7 +53,7 @@ def outliers_in_time(observations: Observations, outliers: NDArray) -> Change | 
         f"{observations.sample[~late].max()}: something moved or jumped there"
     )
     # The inlier poses are explained already: there is no ratio that could be too small.
-    return Change(words, float(chance), np.inf, mixed_in_time(observations, late.astype(float)))
+    return Change(words, np.inf, mixed_in_time(observations, late.astype(float)))
 
 
 def _excess(wrong: NDArray) -> tuple[NDArray, NDArray]:

@@ -53,10 +53,8 @@ class ScoreSums:
     """Shape (spans, P, P)."""
     inverse: NDArray
     """(sum h)_ff^-1. Shape (k, k)."""
-    squares: float
-    """Of all whitened residuals, what the free parameters could take taken off."""
     variance: float
-    """Of one of them."""
+    """Of one whitened residual, what the free parameters could take taken off."""
     scale: NDArray
     """What the parameters were divided by. Shape (P,)."""
     last: NDArray
@@ -104,7 +102,7 @@ class ScoreSums:
         ending = np.searchsorted(rows.visit, ends, side="right", sorter=order) - 1
         last = np.maximum.accumulate(rows.sample[order])[ending]
         span = np.searchsorted(starts, groups.pose, side="right") - 1
-        return cls(linear, span, free, s, plain, h, inverse, squares, variance, scale, last)
+        return cls(linear, span, free, s, plain, h, inverse, variance, scale, last)
 
     @property
     def names(self) -> tuple[str, ...]:

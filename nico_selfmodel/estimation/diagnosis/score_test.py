@@ -22,8 +22,6 @@ class Score:
     """Fall of the whitened sum of squares, in units of its expectation per coordinate."""
     dof: int
     """Columns that the fit does not already have."""
-    share: float
-    """Part of the sum of squares that the effect explains."""
     values: NDArray
     """Its numbers. Shape (m,)."""
     sigma: NDArray
@@ -65,10 +63,6 @@ class ScoreTest:
         chosen = [i for i, name in enumerate(linear.names) if name in free]
         return cls(linear, linear.jacobian[:, :, chosen])
 
-    def beside(self, columns: NDArray) -> "ScoreTest":
-        """Return the test of what is left when some effects are granted. Shape (N, 3, m)."""
-        return ScoreTest(self.linear, np.concatenate([self._fitted, columns], axis=2))
-
     def of(self, columns: NDArray) -> Score:
         """Hold an effect against the residuals.
 
@@ -99,7 +93,6 @@ class ScoreTest:
         return Score(
             fall / self.variance,
             int(kept.sum()),
-            fall / max(float(self.u @ self.u), np.finfo(float).tiny),
             numbers,
             self._sigma(basis, vectors, kept, size),
             float(np.sqrt(np.mean(np.sum(moved[rows] ** 2, axis=1)))),

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.errors import EstimationError
-from nico_selfmodel.estimation.observations.hand_pixels import project_to_cameras
+from nico_selfmodel.estimation.observations.hand_rows import project_to_cameras
 from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.cameras.mirror import Mirror

@@ -39,8 +39,6 @@ class BlockUpdate:
     """The body with the new values and their covariance with all others."""
     learned: tuple[str, ...]
     """Names of the block."""
-    uncertainty: Uncertainty
-    """Of the block alone, the rest taken as known."""
     outliers: NDArray
     """Outlier rows. Boolean, shape (N,)."""
     misfit: float
@@ -108,16 +106,10 @@ def learn_block(
     Raises:
         NotIdentifiableError: If the data leave a parameter of the block open; it names them.
     """
-    program = CalibrationProgram()
-    program.add_variables(observations.names, observations.x)
-    for name in observations.names:
-        if name not in names:
-            program.fix(name)
-    observations.block.whiten(observations.whitening())
-    number = program.add_residuals(observations.block)
     columns = np.array([observations.names.index(name) for name in names], dtype=int)
+    program = _program(observations, columns)
     _require_known(observations, columns, names, scales)
-    solution, outliers = _settle(program, number, observations, loss)
+    solution, outliers = _settle(program, observations, loss)
     x, inliers = solution.x, ~outliers
     at = replace(observations, x=x)
     _, jacobian = observations.block.evaluate(x)
@@ -128,17 +120,7 @@ def learn_block(
     covariance = _joint_covariance(model, observations.names, stacked, columns, uncertainty)
     updated = replace(updated, covariance=covariance)
     misfit = _misfit(model, at, inliers, columns)
-    return BlockUpdate(
-        updated,
-        names,
-        uncertainty,
-        outliers,
-        misfit,
-        *expected_misfit(model, at, inliers, len(names)),
-        solution.converged,
-        solution.iterations,
-        hand_contradictions(updated, at),
-    )
+    return _update(model, updated, names, at, outliers, misfit, solution)
 
 
 def learn_with_prior(
@@ -166,14 +148,8 @@ def learn_with_prior(
     """
     prior = covariance_of(model, observations.names)
     known = np.flatnonzero((np.diag(prior) > 0.0) & ~np.isin(observations.names, names))
-    program = CalibrationProgram()
-    program.add_variables(observations.names, observations.x)
     columns = np.array([observations.names.index(name) for name in names], dtype=int)
-    for i, name in enumerate(observations.names):
-        if i not in known and i not in columns:
-            program.fix(name)
-    observations.block.whiten(observations.whitening())
-    number = program.add_residuals(observations.block)
+    program = _program(observations, np.concatenate([known, columns]))
     block = _GaussianPrior(
         tuple(observations.names[i] for i in known),
         observations.x[known],
@@ -182,7 +158,7 @@ def learn_with_prior(
     if len(known):
         program.add_residuals(block)
     _require_known(observations, columns, names, scales)
-    solution, outliers = _settle(program, number, observations, loss)
+    solution, outliers = _settle(program, observations, loss)
     x, inliers = solution.x, ~outliers
     free = np.sort(np.concatenate([known, columns]))
     r, jacobian = observations.block.evaluate(x)
@@ -197,17 +173,43 @@ def learn_with_prior(
         with_values(model, observations.names, x),
         covariance=ParameterCovariance(free_names, covariance),
     )
-    sigma = np.sqrt(np.diag(covariance))
-    uncertainty = Uncertainty(free_names, covariance, sigma, np.nan, len(free), np.nan, ())
     misfit = float(np.sum(r[:, inliers] ** 2))
     at = replace(observations, x=x)
+    return _update(model, updated, names, at, outliers, misfit, solution)
+
+
+_HAND = 0
+"""Number of the hand's block in a program."""
+
+
+def _program(observations: HandObservations, free: NDArray) -> CalibrationProgram:
+    """Return the program of the hand's observations in which some columns are free."""
+    program = CalibrationProgram()
+    program.add_variables(observations.names, observations.x)
+    for i, name in enumerate(observations.names):
+        if i not in free:
+            program.fix(name)
+    observations.block.whiten(observations.whitening())
+    assert program.add_residuals(observations.block) == _HAND
+    return program
+
+
+def _update(
+    model: SelfModel,
+    updated: SelfModel,
+    names: tuple[str, ...],
+    at: HandObservations,
+    outliers: NDArray,
+    misfit: float,
+    solution: ProgramSolution,
+) -> BlockUpdate:
+    """Return what was learned beside what was to be expected of it."""
     return BlockUpdate(
         updated,
         names,
-        uncertainty,
         outliers,
         misfit,
-        *expected_misfit(model, at, inliers, len(names)),
+        *expected_misfit(model, at, ~outliers, len(names)),
         solution.converged,
         solution.iterations,
         hand_contradictions(updated, at),
@@ -215,33 +217,33 @@ def learn_with_prior(
 
 
 def _settle(
-    program: CalibrationProgram, number: int, observations: HandObservations, loss: str
+    program: CalibrationProgram, observations: HandObservations, loss: str
 ) -> tuple[ProgramSolution, NDArray]:
     """Solve, and weigh anew where the solution is: play moves a far point more than a near one."""
-    solution, outliers = _solve(program, number, loss)
+    solution, outliers = _solve(program, loss)
     for _ in range(_ROUNDS):
         program.move_start(solution.x)
         observations.block.whiten(replace(observations, x=solution.x).whitening())
-        solution, outliers = _solve(program, number, loss)
+        solution, outliers = _solve(program, loss)
     return solution, outliers
 
 
-def _solve(program: CalibrationProgram, number: int, loss: str) -> tuple[ProgramSolution, NDArray]:
+def _solve(program: CalibrationProgram, loss: str) -> tuple[ProgramSolution, NDArray]:
     """Solve with the variances taken as known: a few poses cannot tell their own scale.
 
     Returns:
         The solution, and which rows are outliers.
     """
     refuse_unknown("loss", loss, ROBUST_METHODS)
-    program.set_loss(number, Loss("cauchy" if loss == "trimmed" else loss))
+    program.set_loss(_HAND, Loss("cauchy" if loss == "trimmed" else loss))
     solution = program.solve()
-    r = program.residuals(number, solution.x)
+    r = program.residuals(_HAND, solution.x)
     if loss == "none":
         return solution, np.zeros(r.shape[1], dtype=bool)
     outliers = np.linalg.norm(r, axis=0) > OUTLIER_AT * np.sqrt(len(r) / 3.0)
     if loss == "trimmed":
         program.move_start(solution.x)
-        program.set_loss(number, Loss(), (~outliers).astype(float))
+        program.set_loss(_HAND, Loss(), (~outliers).astype(float))
         solution = program.solve()
     return solution, outliers
 

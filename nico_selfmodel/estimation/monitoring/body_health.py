@@ -97,7 +97,8 @@ def _seen_poses(model: BodyModel, data: BodyDataset) -> tuple[PoseResiduals, flo
     """Return poses in standard deviations, and the share that holds false detections."""
     found = white_poses(model, data)
     if found is not None:
-        return found.residuals, false_share(found.detections)
+        poses, detections = found
+        return poses, false_share(detections)
     kinds = {sensor.kind for sensor in data.sensors}
     if not kinds & set(SIGHTS):
         raise DataError(f"data set {data.name!r} has nothing that a camera or tracker saw")
@@ -137,5 +138,6 @@ def body_contradictions(model: BodyModel, data: BodyDataset) -> Contradictions |
     found = None if data.free_joints else white_poses(model, data)
     if found is None:
         return None
-    poses, share = found.residuals, false_share(found.detections)
-    return contradictions(poses, with_tail(model), shown_covariance(model, poses), share)
+    poses, detections = found
+    covariance, share = shown_covariance(model, poses), false_share(detections)
+    return contradictions(poses, with_tail(model), covariance, share)

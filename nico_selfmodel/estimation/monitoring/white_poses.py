@@ -4,7 +4,7 @@ Coordinates and joint angles are taken in their own standard deviations, so that
 turns stand side by side.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,19 +22,7 @@ from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.model.tree.body_model import BodyModel
 
 
-@dataclass(frozen=True, eq=False)
-class WhitePoses:
-    """A recording against a body."""
-
-    residuals: PoseResiduals
-    """By pose, noise of sensors and joints being 1."""
-    detections: NDArray
-    """How many each pose has. Shape (N,)."""
-    aside: NDArray
-    """Observations that do not count, see `alone_off`. Boolean, by row of the table, shape (M,)."""
-
-
-def white_poses(model: BodyModel, data: BodyDataset) -> WhitePoses | None:
+def white_poses(model: BodyModel, data: BodyDataset) -> tuple[PoseResiduals, NDArray] | None:
     """Return what a body leaves of all that saw it, but of what is off on its own.
 
     Args:
@@ -42,7 +30,8 @@ def white_poses(model: BodyModel, data: BodyDataset) -> WhitePoses | None:
         data: The recording.
 
     Returns:
-        None where the body does not say the noise of all that saw it, or nothing did.
+        Residuals by pose, noise of sensors and joints being 1, and how many detections each pose
+        has; None where the body does not say the noise of all that saw it, or nothing did.
 
     Raises:
         DataError: If the recording is of another body.
@@ -68,7 +57,7 @@ def white_poses(model: BodyModel, data: BodyDataset) -> WhitePoses | None:
     row = seen.row[kept]
     pose = told.observations.pose
     detections = np.unique(pose[np.unique(row)], return_counts=True)[1]
-    return WhitePoses(_stacked(white, pose[row], parameters.names, data.sample), detections, aside)
+    return _stacked(white, pose[row], parameters.names, data.sample), detections
 
 
 def _stacked(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.hand_observations import HandObservations
-from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
+from nico_selfmodel.estimation.observations.hand_rows import HandPixels
 from nico_selfmodel.model.self_model import SelfModel
 
 _ANYWHERE = 8192
@@ -58,7 +58,7 @@ def _errors(model: SelfModel, observations: HandObservations, offsets: NDArray) 
     """Return by how much each row is missed with each of K zeros [px or m]. Shape (K, rows)."""
     block = observations.block
     by_sight = isinstance(block, HandPixels)
-    arm = block.observations.arm if by_sight else block.observations
+    arm = block.rows
     rows = np.unique(np.linspace(0, len(observations) - 1, _ROWS).astype(int))
     q = (arm.angles[rows] - offsets[:, None]) / model.servos.gear
     marker = np.tile(arm.marker[rows], len(offsets))

@@ -43,10 +43,7 @@ class ArmSolution:
     @classmethod
     def unrefined(cls, observations: Observations, parameters: DhParameters) -> "ArmSolution":
         """Wrap parameters that were not refined, so that nothing is known of their errors."""
-        residuals = parameters.predict(
-            observations.angles, observations.marker, observations.approach
-        )[0]
-        residuals = residuals - observations.p_WH
+        residuals = observations.predicted(parameters)[0] - observations.p_WH
         free = frozenset(parameters.names) - parameters.gauge
         sigma = float(np.sqrt(np.mean(residuals**2)))
         nothing = np.zeros(len(observations), dtype=bool)
@@ -99,9 +96,7 @@ class Linearised:
         predicted: tuple[NDArray, NDArray] | None = None,
     ) -> "Linearised":
         """Linearise as `at` does, of rows that were grouped, and perhaps predicted, before."""
-        p, jacobian = predicted or parameters.predict(
-            observations.angles, observations.marker, observations.approach
-        )
+        p, jacobian = predicted or observations.predicted(parameters)
         by_angle = slopes_by_angle(parameters, jacobian)
         return cls(
             parameters.names,

@@ -10,6 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+LARGEST_JOINT_NOISE = np.radians(5.0)
+"""A joint that is this uncertain about its encoder is not noisy but wrong: that is no play."""
+
 
 @dataclass(frozen=True)
 class HandNoise:

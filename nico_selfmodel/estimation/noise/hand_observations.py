@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.dataset import Dataset
-from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.noise.hand_noise import HandNoise, whitening_of
-from nico_selfmodel.estimation.observations.arm_views import DhArm
-from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
-from nico_selfmodel.estimation.observations.hand_points import HandPoints
+from nico_selfmodel.estimation.observations.hand_rows import HandPixels, HandPoints, HandRows
+from nico_selfmodel.estimation.observations.matching import check_markers
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.pixel_observations import (
     PixelObservations,
@@ -23,7 +22,7 @@ from nico_selfmodel.estimation.observations.pixel_observations import (
 from nico_selfmodel.model.arm.bending import BACKLASH
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.names import listed, refuse_unknown
+from nico_selfmodel.names import refuse_unknown
 
 SENSORS = ("auto", "pixels", "points")
 """`auto`: pixels where the model has cameras and the data have pixels, else points."""
@@ -35,7 +34,7 @@ JOINT_SIGMA = "joint_sigma_rad"
 class HandObservations:
     """Rows of data as a model sees them."""
 
-    block: HandPixels | HandPoints
+    block: HandRows
     """Residuals and derivatives by name."""
     x: NDArray
     """Values of the block's names in the model. Shape (P,)."""
@@ -66,8 +65,7 @@ class HandObservations:
     @property
     def arm(self) -> Observations:
         """Encoder angles, tracked points and samples of the rows."""
-        rows = self.block.observations
-        return rows if isinstance(rows, Observations) else rows.arm
+        return self.block.rows
 
     def whitening(self) -> NDArray:
         """Return the whitening by the noise alone. Shape (N, k, k)."""
@@ -137,7 +135,7 @@ class Innovations:
 
 
 def hand_observations_of(
-    model: SelfModel, dataset: Dataset, sensor: str = "auto", sigma: float | None = None
+    model: SelfModel, dataset: Dataset, sensor: str = "auto"
 ) -> HandObservations:
     """Hold data against a model.
 
@@ -145,8 +143,6 @@ def hand_observations_of(
         model: The model; its world is its left camera's frame where pixels count.
         dataset: Encoder readings, and pixels or measured points in the model's world.
         sensor: One of `SENSORS`.
-        sigma: Standard deviation of a coordinate [px or m]; what the data set or the model states
-            if omitted.
 
     Returns:
         The rows in which something was seen.
@@ -159,8 +155,9 @@ def hand_observations_of(
     """
     pixels = by_pixels(model, dataset, sensor)
     dataset = columns_of(model, dataset)
-    _check_markers(model, dataset)
-    return (_by_pixels if pixels else _by_points)(model, dataset, sigma)
+    seen = np.isfinite(dataset.pixels).any(axis=1) | dataset.measured
+    check_markers(model, dataset, seen)
+    return (_by_pixels if pixels else _by_points)(model, dataset)
 
 
 def by_pixels(model: SelfModel, dataset: Dataset, sensor: str = "auto") -> bool:
@@ -208,7 +205,7 @@ def laid_out(own: tuple[str, ...], covariance: NDArray, names: tuple[str, ...]) 
     return matrix
 
 
-def _by_pixels(model: SelfModel, dataset: Dataset, sigma: float | None) -> HandObservations:
+def _by_pixels(model: SelfModel, dataset: Dataset) -> HandObservations:
     rig = model.rig
     if not np.allclose(rig.left.X_WC, np.eye(4), atol=1e-12):
         raise ModelError(
@@ -216,9 +213,8 @@ def _by_pixels(model: SelfModel, dataset: Dataset, sigma: float | None) -> HandO
             "cameras together with `nico-selfmodel calibrate body`"
         )
     observations = PixelObservations.from_dataset(dataset, model.markers)
-    arm = DhArm(observations.arm, model.parameters)
-    block = HandPixels(observations, arm, lens=rig.lenses)
-    sensor = sigma or dataset.pixel_sigma_px or model.pixel_sigma
+    block = HandPixels(observations, model.parameters, rig.lenses)
+    sensor = dataset.pixel_sigma_px or model.pixel_sigma
     if sensor is None:
         raise ModelError(f"self-model {model.name!r} states no pixel_sigma_px: learn it anew")
     noise = HandNoise(sensor, float(model.fit.get(JOINT_SIGMA, 0.0)))
@@ -226,26 +222,16 @@ def _by_pixels(model: SelfModel, dataset: Dataset, sigma: float | None) -> HandO
     return HandObservations(block, x, noise, observations.arm.sample)
 
 
-def _by_points(model: SelfModel, dataset: Dataset, sigma: float | None) -> HandObservations:
+def _by_points(model: SelfModel, dataset: Dataset) -> HandObservations:
     observations = Observations.from_dataset(dataset, model.markers)
     play = float(model.fit.get(JOINT_SIGMA, 0.0))
     # A model that does not tell play from noise holds both in its noise.
     stated = (dataset.point_sigma_m or 1e-4) if play else model.noise_sigma
-    if (sigma or stated) is None:
+    if stated is None:
         raise ModelError(f"self-model {model.name!r} states no noise_sigma_m: learn it anew")
     block = HandPoints(observations, model.parameters)
-    noise = HandNoise(float(sigma or stated or 0.0), play)
+    noise = HandNoise(float(stated), play)
     return HandObservations(block, model.parameters.values, noise, observations.sample)
-
-
-def _check_markers(model: SelfModel, dataset: Dataset) -> None:
-    seen = np.isfinite(dataset.pixels).any(axis=1) | dataset.measured
-    unknown = sorted(set(dataset.marker[seen].tolist()) - set(model.markers))
-    if unknown:
-        raise DataError(
-            f"data set {dataset.name!r} tracks {listed(unknown)}, which the self-model does not "
-            f"know; it knows {listed(model.markers)}"
-        )
 
 
 def with_values(model: SelfModel, names: tuple[str, ...], x: NDArray) -> SelfModel:

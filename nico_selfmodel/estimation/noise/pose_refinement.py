@@ -227,8 +227,7 @@ class _ArmBlock(SummedBlock):
     @remembers_last
     def predicted(self, x: NDArray) -> tuple[NDArray, NDArray]:
         """Return the rows' points, (N, 3), and their derivatives by all parameters, (N, 3, P)."""
-        seen = self.observations
-        return self.at(x).predict(seen.angles, seen.marker, seen.approach)
+        return self.observations.predicted(self.at(x))
 
     def normal_equations(self, x: NDArray) -> NormalEquations:
         """Return cost, gradient and Gauss-Newton matrix from one product of all columns."""

@@ -101,8 +101,6 @@ class DhResiduals:
 
     def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
         """Return residuals, shape (3, N), and derivatives, shape (P, 3, N)."""
-        at = self._start.with_values(x)
-        seen = self._observations
-        p, jacobian = at.predict(seen.angles, seen.marker, seen.approach)
+        p, jacobian = self._observations.predicted(self._start.with_values(x))
         residuals = (p - self._observations.p_WH).T / self._sigma
         return residuals, np.transpose(jacobian, (2, 1, 0)) / self._sigma

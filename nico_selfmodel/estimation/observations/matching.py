@@ -1,6 +1,7 @@
 """Whether a data set is of the joints, units and images of a self-model."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
@@ -37,6 +38,25 @@ def check_images(model: SelfModel, dataset: Dataset) -> None:
                 f"the {name} camera of {model.name!r} has {width} x {height} pixels, the images of "
                 f"data set {dataset.name!r} have {w} x {h}"
             )
+
+
+def check_markers(model: SelfModel, dataset: Dataset, seen: NDArray) -> None:
+    """Refuse points that the model does not know.
+
+    Args:
+        model: The self-model.
+        dataset: What was recorded.
+        seen: Rows that count. Boolean, shape (N,).
+
+    Raises:
+        DataError: If one of them is of such a point.
+    """
+    unknown = sorted(set(dataset.marker[seen].tolist()) - set(model.markers))
+    if unknown:
+        raise DataError(
+            f"data set {dataset.name!r} tracks {listed(unknown)}, which the self-model does not "
+            f"know; it knows {listed(model.markers)}"
+        )
 
 
 def _check_units(model: SelfModel, dataset: Dataset) -> None:

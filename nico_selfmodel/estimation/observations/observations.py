@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.poses import mean_of_visits
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.names import listed
 
@@ -115,6 +116,10 @@ class Observations:
         """Return the chosen rows. `keep` is a boolean mask or an index."""
         arrays = ("angles", "marker", "p_WH", "sample", "pose", "visit", "rows", "approach")
         return replace(self, **{name: getattr(self, name)[keep] for name in arrays})
+
+    def predicted(self, arm: DhParameters) -> tuple[NDArray, NDArray]:
+        """Return where an arm has the tracked points, as `DhParameters.predict`."""
+        return arm.predict(self.angles, self.marker, self.approach)
 
     @property
     def poses(self) -> NDArray:

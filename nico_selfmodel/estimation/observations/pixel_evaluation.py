@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.estimation.observations.matching import check_markers
 from nico_selfmodel.estimation.observations.pixel_observations import (
     PixelObservations,
     columns_of,
@@ -13,7 +14,6 @@ from nico_selfmodel.estimation.observations.pixel_observations import (
 )
 from nico_selfmodel.estimation.results.errors import ErrorStatistics
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.names import listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,9 @@ def evaluate_pixels(model: SelfModel, dataset: Dataset) -> PixelEvaluation:
     """
     rig = model.rig
     dataset = columns_of(model, dataset)
-    observations = PixelObservations.from_dataset(dataset, _markers_of(model, dataset))
+    seen = np.isfinite(dataset.pixels).any(axis=1) & (dataset.mirror == "")
+    check_markers(model, dataset, seen)
+    observations = PixelObservations.from_dataset(dataset, model.markers)
     index = np.array([model.chain.marker_index(m) for m in observations.arm.markers])
     q = (observations.arm.angles - model.servos.offset) / model.servos.gear
     p_LH = model.points(q, index[observations.arm.marker], observations.arm.approach)
@@ -108,17 +110,3 @@ def evaluate_pixels(model: SelfModel, dataset: Dataset) -> PixelEvaluation:
     return PixelEvaluation(
         observations, rig.project(p_LH), p_LH, seen_points(observations, rig, sigma)
     )
-
-
-def _markers_of(model: SelfModel, dataset: Dataset) -> tuple[str, ...]:
-    """Return the model's markers; refuse data that track others."""
-    from nico_selfmodel.errors import DataError
-
-    seen = np.isfinite(dataset.pixels).any(axis=1) & (dataset.mirror == "")
-    unknown = sorted(set(dataset.marker[seen].tolist()) - set(model.markers))
-    if unknown:
-        raise DataError(
-            f"data set {dataset.name!r} tracks {listed(unknown)}, which the self-model does not "
-            f"know; it knows {listed(model.markers)}"
-        )
-    return model.markers

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.observations.hand_pixels import project_to_cameras
+from nico_selfmodel.estimation.observations.hand_rows import project_to_cameras
 from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh

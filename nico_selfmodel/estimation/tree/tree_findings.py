@@ -7,6 +7,7 @@ from nico_selfmodel.dataset.body.sensors import CAMERA
 from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
 from nico_selfmodel.estimation.diagnosis.flatness import bent_reasons
 from nico_selfmodel.estimation.diagnosis.gear_check import gear_words
+from nico_selfmodel.estimation.noise.hand_noise import LARGEST_JOINT_NOISE
 from nico_selfmodel.estimation.noise.joint_slips import FEWEST_SLIPS
 from nico_selfmodel.estimation.results.calibration_result import (
     FAILURE,
@@ -32,10 +33,8 @@ _MISFIT = 5.0
 """Times the stated sigma of a sensor beyond which the body does not explain what it measured."""
 _LOOSE = 10.0
 """Times less than the stated sigma from which on that is doubted."""
-_LARGEST_JOINT_NOISE = np.radians(5.0)
-"""A joint that is this uncertain about its encoder is not play."""
 _LARGEST_FLANGE_PLACE = 0.05
-"""Nor is a place of a flange that is off by so much [m]."""
+"""A place of a flange that is off by so much is no play [m]."""
 _MOST_SLIPS = 0.02
 """Share of poses with a wrong reading of one joint from which on it is named, `FEWEST_SLIPS` at
 least."""
@@ -176,7 +175,7 @@ def _noise_reasons(calibration: TreeCalibration) -> list[str]:
     turning = {
         data.joints[i].name: sigma
         for (i, _), sigma in zip(noisy, solution.noise.joint.tolist(), strict=True)
-        if data.joints[i].motion == REVOLUTE and sigma > _LARGEST_JOINT_NOISE
+        if data.joints[i].motion == REVOLUTE and sigma > LARGEST_JOINT_NOISE
     }
     if not turning:
         return []
@@ -206,7 +205,7 @@ def _flange_misfits(calibration: TreeCalibration) -> list[str]:
         f"{np.degrees(turn):.3g} deg: check units, which way they go (of the flange in the base, "
         "or the other way round), how turns are written, and the pairing with what was seen"
         for i, (place, turn) in found.items()
-        if place > _LARGEST_FLANGE_PLACE or turn > _LARGEST_JOINT_NOISE
+        if place > _LARGEST_FLANGE_PLACE or turn > LARGEST_JOINT_NOISE
     ]
 
 

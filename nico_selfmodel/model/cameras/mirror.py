@@ -50,7 +50,7 @@ class Mirror:
                 "the glass, and the normal points to it"
             )
         if self.covariance is not None:
-            covariance = frozen_covariance(self.covariance, 3, "covariance")
+            covariance = frozen_covariance(self.covariance, 3)
             object.__setattr__(self, "covariance", covariance)
 
     @classmethod

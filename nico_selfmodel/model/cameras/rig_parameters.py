@@ -32,9 +32,9 @@ def each_lens(lens: Lenses, count: int) -> tuple[str, ...]:
     return lenses
 
 
-def inside_of(lens: Lenses, count: int) -> tuple[slice, ...]:
-    """Return where each camera's intrinsics stand among `rig_names`."""
-    ends = np.cumsum([0, *(len(intrinsics_of(own)) for own in each_lens(lens, count))]).tolist()
+def inside_of(lens: Lenses) -> tuple[slice, ...]:
+    """Return where the intrinsics of each of two cameras stand among `rig_names`."""
+    ends = np.cumsum([0, *(len(intrinsics_of(own)) for own in each_lens(lens, 2))]).tolist()
     return tuple(slice(a, b) for a, b in pairwise(ends))
 
 

@@ -95,7 +95,7 @@ class StereoRig:
         Raises:
             ValueError: If a focal length is not positive.
         """
-        left, right = inside_of(self.lenses, 2)
+        left, right = inside_of(self.lenses)
         X_LR = transform(rotation_from_vector(values[-6:-3]), values[-3:])
         return StereoRig(
             Camera.from_values(values[left], self.left.image_size, lens=self.left.lens),

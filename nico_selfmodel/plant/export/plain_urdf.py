@@ -6,7 +6,7 @@ from xml.dom.minidom import Document, Element
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.geometry.rotation import tangent_basis
+from nico_selfmodel.geometry.rotation import frame_along
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.self_model import SelfModel
@@ -95,7 +95,7 @@ def _draw(link: Element, reach: NDArray, thickness: float) -> None:
     _shape(link, np.eye(4), "sphere", radius=numbers_text(radius))
     if length > radius:
         z = reach / length
-        pose = transform(np.column_stack([tangent_basis(z), z]), 0.5 * reach)
+        pose = transform(frame_along(z), 0.5 * reach)
         _shape(
             link, pose, "cylinder", radius=numbers_text(0.6 * radius), length=numbers_text(length)
         )

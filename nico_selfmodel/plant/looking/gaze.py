@@ -10,7 +10,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, Frame
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.geometry.rotation import tangent_basis
+from nico_selfmodel.geometry.rotation import frame_along
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_model import BodyModel
@@ -242,7 +242,7 @@ class GazeSolver:
         item = self.model.tree.sensors[sensor]
         lens = self.model.tree.lenses[item.name]
         z = lens.at(np.eye(4)).directions(_middle(lens.image_size)[None])[0]
-        X_CA = transform(np.column_stack([tangent_basis(z), z]), np.zeros(3))
+        X_CA = transform(frame_along(z), np.zeros(3))
         frame = FixedOffsetFrame(f"{item.name}_aim", self._body.frame(item.name), rigid(X_CA))
         return self._plant.AddFrame(frame)
 

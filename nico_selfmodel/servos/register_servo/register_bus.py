@@ -1,21 +1,17 @@
 """The one owner of the port of servos with registers, whatever the line does."""
 
 import math
-import threading
-from collections import defaultdict
 from collections.abc import Callable, Sequence
 
-from nico_selfmodel.errors import BusError, ServoFault
-from nico_selfmodel.servos.bus_settings import NOISY_FOR, BusSettings, NoReplyError
-from nico_selfmodel.servos.link_counts import LinkCounts, sum_of
+from nico_selfmodel.errors import ServoFault
+from nico_selfmodel.servos.bus_settings import BusSettings, NoReplyError
+from nico_selfmodel.servos.port_owner import PortOwner
 from nico_selfmodel.servos.ports import Port
 from nico_selfmodel.servos.register_servo.sdk import DamagedReplyError, PacketSdk, StatusPacket
 from nico_selfmodel.servos.register_servo.sdk_port import SdkPort
 
-_NOISE_LIMIT = 1.0
 
-
-class RegisterBus:
+class RegisterBus(PortOwner):
     """Exchanges with servos, one at a time, from any thread.
 
     Reading and writing registers is the same twice as once: whatever was lost is sent again.
@@ -29,25 +25,11 @@ class RegisterBus:
             sdk: How packets of this make look.
             settings: How patient to be.
         """
-        self.port, self.sdk = port, sdk
-        self.settings = settings or BusSettings()
-        self.counts: dict[int, LinkCounts] = defaultdict(LinkCounts)
-        """By address."""
+        super().__init__(port, settings)
+        self.sdk = sdk
         self.heard = -math.inf
         """When the servos last heard a packet, as far as is known [s]."""
         self._sdk_port = SdkPort(port, self.settings)
-        self._lock = threading.RLock()
-        self._doubtful = True  # what the line did before is not known
-        self._damaged_at = -math.inf
-
-    @property
-    def noisy(self) -> bool:
-        """Whether the line damaged something lately: a checksum alone is not trusted then."""
-        return self.port.now() - self._damaged_at < NOISY_FOR
-
-    def close(self) -> None:
-        """Give the port back; never fails."""
-        self.port.close()
 
     def read(
         self, address: int, register: int, length: int, *, attempts: int | None = None
@@ -193,10 +175,6 @@ class RegisterBus:
             self.counts[address].stray_bytes += stray
         return status
 
-    def _note_damage(self, counts: LinkCounts) -> None:
-        counts.damaged += 1
-        self._damaged_at = self.port.now()
-
     def _drain(self, attempt: int = 0) -> int:
         """Read until nothing has come for as long as a late reply could take.
 
@@ -205,16 +183,6 @@ class RegisterBus:
         """
         quiet = 1e-3 + 2.0 * self.settings.latency
         quiet += self.settings.slack / 4.0 * min(2**attempt, 8)
-        stray, until = 0, self.port.now() + _NOISE_LIMIT
-        while arrived := self.port.read(1, quiet):
-            stray += len(arrived) + len(self.port.read(4096, 0.0))
-            if self.port.now() > until:
-                raise BusError(
-                    f"{self.port.name} never gets quiet: check the baud rate and the wiring"
-                )
+        stray = self._until_quiet(quiet)
         self._doubtful = False
         return stray
-
-    def total(self) -> LinkCounts:
-        """Return the sum of the counts of all servos."""
-        return sum_of(list(self.counts.values()))

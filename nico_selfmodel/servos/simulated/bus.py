@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from nico_selfmodel.servos.drivers import simulated_line
-from nico_selfmodel.servos.simulated.line import Plant, SimulatedLine, WireFaults
+from nico_selfmodel.servos.simulated.line import Plant, SimulatedLine
 from nico_selfmodel.servos.simulated.pseudo_terminal import PseudoTerminal
 
 
@@ -21,7 +21,6 @@ class SimulatedBus(PseudoTerminal[SimulatedLine]):
         modules: int | Sequence[Any] = 6,
         *,
         make: str = "pic-servo",
-        faults: WireFaults | None = None,
         plant: Plant | None = None,
         latency: float = 1e-3,
     ) -> None:
@@ -30,11 +29,10 @@ class SimulatedBus(PseudoTerminal[SimulatedLine]):
         Args:
             modules: How many, or which (of this make), in their order on the line.
             make: Of the motors: `pic-servo`, `dynamixel` or `feetech`.
-            faults: Damage on the wire; none if omitted.
             plant: What moves the shafts behind the servos.
             latency: How long the adapter holds on to bytes that arrive [s].
         """
-        super().__init__(simulated_line(make)(modules, faults, plant), latency)
+        super().__init__(simulated_line(make)(modules, None, plant), latency)
 
     @property
     def line(self) -> SimulatedLine:

@@ -26,20 +26,15 @@ class CameraDriver(OpenedAtStart, LeafSystem):
     `with` block.
     """
 
-    def __init__(self, capture: StereoCapture, period: float | None = None) -> None:
+    def __init__(self, capture: StereoCapture) -> None:
         """Take the cameras.
 
         Args:
-            capture: The two cameras; opened and closed through this driver.
-            period: Time between two looks at them [s]; that between pictures if omitted.
-
-        Raises:
-            ValueError: If the period is not positive.
+            capture: The two cameras, looked at as often as there are pictures; opened and closed
+                through this driver.
         """
         super().__init__()
-        self.period = 1.0 / capture.fps if period is None else period
-        if not self.period > 0.0:
-            raise ValueError(f"period must be positive, got {period}")
+        self.period = 1.0 / capture.fps
         self.capture, self.image_size = capture, capture.size
         self._pair = self.DeclareAbstractState(AbstractValue.Make([]))
         self.DeclareInitializationUnrestrictedUpdateEvent(self._take_over)

@@ -64,7 +64,6 @@ _AWAY = RigidTransform(p=[0.0, 0.0, -50.0])
 
 def add_renderer(
     scene_graph: SceneGraph,
-    name: str = RENDERER,
     *,
     glare: bool = False,
     lamps: bool = False,
@@ -75,7 +74,6 @@ def add_renderer(
 
     Args:
         scene_graph: Where to add it.
-        name: What it is called.
         glare: Whether a mirror before the robot throws light back at it.
         lamps: Whether lamps light what hangs about the robot.
         R_WR: How the room stands in the scene graph's world; as its robot if omitted. Shape (3, 3).
@@ -95,20 +93,19 @@ def add_renderer(
     check_renderer()
     renderer = MakeRenderEngineVtk(parameters)
     if context is None:
-        scene_graph.AddRenderer(name, renderer)
+        scene_graph.AddRenderer(RENDERER, renderer)
     else:
-        scene_graph.RemoveRenderer(context, name)
-        scene_graph.AddRenderer(context, name, renderer)
+        scene_graph.RemoveRenderer(context, RENDERER)
+        scene_graph.AddRenderer(context, RENDERER, renderer)
 
 
-def remove_scene(scene_graph: SceneGraph, name: str = RENDERER) -> None:
+def remove_scene(scene_graph: SceneGraph) -> None:
     """Take a renderer and everything that is to be seen out of a scene graph that is done with.
 
     Args:
         scene_graph: Nothing may look at it any more.
-        name: What the renderer is called.
     """
-    scene_graph.RemoveRenderer(name)
+    scene_graph.RemoveRenderer(RENDERER)
     inspector = scene_graph.model_inspector()
     fixed = inspector.world_frame_id()
     for source in inspector.GetAllSourceIds():

@@ -15,6 +15,7 @@ from nico_selfmodel.model.tree.body_tree import WORLD, Attached, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 from nico_selfmodel.systems.simulated.joint_mechanics import (
+    GRAVITY,
     JointMechanics,
     built_servos,
     built_stops,
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     # The plant is slow to load.
     from nico_selfmodel.plant.body_description import BodyDescription
 
-_GRAVITY = np.array([0.0, 0.0, -1.0])
 _HELD_SIGMA = np.radians(1.0)
 """How far joints that nobody commands stand from where they should [rad]."""
 _WEIGHED = 50
@@ -180,6 +180,6 @@ def _torques(tree: BodyTree, q: NDArray) -> NDArray:
             [p - motion.p_WJ[i] for p, c in zip(places, carried[:, i], strict=True) if c]
         )
         if len(arms):
-            turning = np.cross(arms.sum(axis=0).T, _GRAVITY)
+            turning = np.cross(arms.sum(axis=0).T, GRAVITY)
             out[:, i] = np.sum(turning * motion.R_WJ[i, :, 2].T, axis=1)
     return out

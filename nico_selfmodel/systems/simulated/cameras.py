@@ -23,18 +23,15 @@ _EDGE = 5.0
 class SimulatedCameras:
     """Two cameras and the noise of finding corners in their images; the true rig is private."""
 
-    def __init__(
-        self, seed: int, pixel_sigma: float = 0.2, nominal: StereoRig = NICO_CAMERAS
-    ) -> None:
+    def __init__(self, seed: int, pixel_sigma: float = 0.2) -> None:
         """Build one pair of cameras.
 
         Args:
             seed: Which one: its lenses and how the cameras stand.
             pixel_sigma: Noise of each measured pixel coordinate [px].
-            nominal: The cameras as designed.
         """
         self.pixel_sigma, self._seed = pixel_sigma, seed
-        self.__rig = built_rig(nominal, np.random.default_rng((seed, 7)))
+        self.__rig = built_rig(NICO_CAMERAS, np.random.default_rng((seed, 7)))
 
     def look_at_boards(self, p_GQ: NDArray, count: int, session: int = 0) -> BoardViews:
         """Hold a board before the cameras in random attitudes and find its corners.

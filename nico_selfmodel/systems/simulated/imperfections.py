@@ -85,11 +85,13 @@ IMPERFECTIONS = {
 }
 
 
-def imperfections_named(name: str) -> Imperfections:
-    """Return a documented world.
+def imperfections_named(name: "str | Imperfections") -> Imperfections:
+    """Return a documented world, or the one that is given in place of a name.
 
     Raises:
         ValueError: If there is none of that name; the message lists those there are.
     """
+    if isinstance(name, Imperfections):
+        return name
     refuse_unknown("imperfections", name, IMPERFECTIONS)
     return IMPERFECTIONS[name]

@@ -11,6 +11,9 @@ from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
+GRAVITY = np.array([0.0, 0.0, -1.0])
+"""Which way it pulls."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class JointMechanics:

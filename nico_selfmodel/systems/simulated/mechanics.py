@@ -11,6 +11,7 @@ from nico_selfmodel.geometry.rotation import move_on_sphere, tangent_basis
 from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 from nico_selfmodel.systems.simulated.joint_mechanics import (
+    GRAVITY,
     JointMechanics,
     built_servos,
     built_stops,
@@ -19,8 +20,6 @@ from nico_selfmodel.systems.simulated.joint_mechanics import (
 if TYPE_CHECKING:
     # The plant is slow to load.
     from nico_selfmodel.plant import ArmDescription
-
-_GRAVITY = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +101,7 @@ def gravity_torques(chain: Chain, q: NDArray) -> NDArray:
     torque = np.zeros(len(q))
     for i in range(len(q)):
         beyond = weights[i + 1 :] - at.points[i]
-        torque[i] = np.sum(np.cross(beyond, _GRAVITY) @ at.directions[i])
+        torque[i] = np.sum(np.cross(beyond, GRAVITY) @ at.directions[i])
     return torque
 
 

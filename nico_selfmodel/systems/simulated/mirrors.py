@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 _EDGE = 5.0
 """Markers nearer to the image's edge are not found [px]."""
+_CLEARANCE = 0.05
+"""How far the hand keeps from the glass [m]."""
 _TRIES = 4000
 """Poses tried for each one that shows what is wanted."""
 
@@ -49,7 +51,6 @@ class SimulatedMirrors:
         pixel_sigma: float = 0.3,
         play: float = np.radians(0.5),
         radius: float | None = None,
-        clearance: float = 0.05,
     ) -> None:
         """Build one robot and put mirrors before it, each a little off from where intended.
 
@@ -61,10 +62,9 @@ class SimulatedMirrors:
             play: Half the width of the joints' noise [rad].
             radius: Radius of curvature of the mirrors [m], positive bulging towards the cameras;
                 flat if omitted.
-            clearance: How far the hand keeps from the glass [m].
         """
         rng = np.random.default_rng((seed, 11))
-        self.pixel_sigma, self.play, self.clearance = pixel_sigma, play, clearance
+        self.pixel_sigma, self.play = pixel_sigma, play
         self._seed, self._radius = seed, radius
         self._limits = arm.lower, arm.upper
         flaws = Imperfections("before mirrors", extra_gear=1.0, stop_spread=0.0, play=play)
@@ -167,7 +167,7 @@ class SimulatedMirrors:
             pixels = np.concatenate(
                 [curved_reflection(c, mirror, self._radius, p, c.X_WC) for c in cameras], axis=1
             )
-        clear = np.asarray(mirror.in_front_by(p)) > self.clearance
+        clear = np.asarray(mirror.in_front_by(p)) > _CLEARANCE
         return np.where(clear[:, None], pixels, np.nan)
 
     def _dataset(self, mirror: str, encoders: NDArray, pixels: NDArray, name: str) -> Dataset:

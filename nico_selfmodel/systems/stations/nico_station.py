@@ -99,8 +99,6 @@ class NicoStation(Closable, Diagram):
         arm: ArmDescription | BodyDescription | None = None,
         detectors: Detectors | MirrorDetectors | None = None,
         quality: ImageQuality | None = None,
-        sides: StereoRig = NICO_CAMERAS,
-        board: Board = BOARD,
         mirror: MirrorPlate | None = None,
         knows: SelfModel | None = None,
         other: bool = False,
@@ -120,8 +118,6 @@ class NicoStation(Closable, Diagram):
                 of a whole body the fiducials of both hands and the right finger's tip.
                 Before a mirror, what tells each from its reflection (`reflection_detectors`).
             quality: Of the pictures.
-            sides: The cameras as designed.
-            board: The chessboard that can be held up.
             mirror: A mirror that can be put somewhere, if any.
             knows: What the body has learned of arm and cameras; before a mirror it tells a patch of
                 colour on the hand from the reflection by where it expects its hand.
@@ -136,9 +132,9 @@ class NicoStation(Closable, Diagram):
             ModelError: If the robot lacks a link that carries a camera.
         """
         super().__init__()
-        world = imperfections_named(world) if isinstance(world, str) else world
+        world = imperfections_named(world)
         arm = arm or looking_arm()
-        body = _built(arm, world, seed, sides)
+        body = _built(arm, world, seed, NICO_CAMERAS)
         quality = quality or ImageQuality()
         if near_marks is None:
             near_marks = detectors is None and not (room or other)
@@ -149,8 +145,8 @@ class NicoStation(Closable, Diagram):
             detectors = default_detectors() if mirror is None else default_mirror_detectors()
         self.arm, self.world, self.seed, self.session = arm, world, seed, session
         self.tracked = tuple(detectors)
-        self.image_size = sides.left.image_size
-        self.board = board
+        self.image_size = NICO_CAMERAS.left.image_size
+        self.board = BOARD
         self.__instance = body
         builder = DiagramBuilder()
         noise = (seed, session)
@@ -158,7 +154,7 @@ class NicoStation(Closable, Diagram):
         servos = EncoderModel(body.mechanics, start, seed=noise)
         builder.AddNamedSystem("servos", servos)
         self.__holder, cameras, poses, self.__marks = _add_scene(
-            builder, servos, arm, body, board, quality, noise, mirror, room, near_marks
+            builder, servos, arm, body, BOARD, quality, noise, mirror, room, near_marks
         )
         scene: Any = builder.GetMutableSubsystemByName("scene")
         self.__scene: SceneGraph = scene

@@ -32,11 +32,11 @@ FIDUCIAL_ID = 7
 """Which marker of the family is printed for Nico's hand."""
 
 
-def color_detector(model: ColorModel = RED_TAPE) -> Detector:
-    """Return a detector of the middle of the largest patch of a colour."""
+def color_detector() -> Detector:
+    """Return a detector of the middle of the largest patch of the red tape's colour."""
 
     def detect(image: NDArray) -> NDArray | NotSeen:
-        found = find_color_blob(image, model)
+        found = find_color_blob(image, RED_TAPE)
         return found if isinstance(found, NotSeen) else found.center
 
     return detect

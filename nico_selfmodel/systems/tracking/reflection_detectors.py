@@ -18,19 +18,14 @@ from nico_selfmodel.systems.tracking.hand_tracker import (
 )
 from nico_selfmodel.systems.tracking.shared_search import fiducials_in_mirror
 from nico_selfmodel.vision.color.color_blob import ColorBlob, color_blobs
-from nico_selfmodel.vision.color.color_model import ColorModel
 from nico_selfmodel.vision.images.not_seen import NotSeen
 
 _GATE = 40.0
 """A patch farther from where the hand is expected is not the hand [px]."""
 
 
-def color_in_mirror(model: ColorModel = RED_TAPE, gate: float = _GATE) -> MirrorDetector:
-    """Return a detector of the middles of a patch of colour and of its reflection.
-
-    Args:
-        model: The colour.
-        gate: How far from where the body expects its hand the patch may be [px].
+def color_in_mirror() -> MirrorDetector:
+    """Return a detector of the middles of the red tape and of its reflection.
 
     Returns:
         What finds both. Where the hand should be in view but no patch is near, nothing is vouched
@@ -38,19 +33,19 @@ def color_in_mirror(model: ColorModel = RED_TAPE, gate: float = _GATE) -> Mirror
     """
 
     def detect(image: NDArray, expected: NDArray) -> tuple[Found, Found]:
-        blobs = [b for b in color_blobs(image, model) if b.area_px >= model.least_area_px]
+        blobs = [b for b in color_blobs(image, RED_TAPE) if b.area_px >= RED_TAPE.least_area_px]
         if not blobs:
-            nothing = NotSeen(f"no patch of the colour with {model.least_area_px:g} pixels")
+            nothing = NotSeen(f"no patch of the colour with {RED_TAPE.least_area_px:g} pixels")
             return nothing, nothing
-        if not _in_view(expected, image.shape, gate):
+        if not _in_view(expected, image.shape, _GATE):
             return NotSeen("the hand itself is out of view"), _patch(blobs)
         away = np.array([np.linalg.norm(b.centroid - expected) for b in blobs])
-        near = np.flatnonzero(away <= gate)
+        near = np.flatnonzero(away <= _GATE)
         if len(near) != 1:
             count = "no patch" if not len(near) else f"{len(near)} patches"
             vague = NotSeen(
-                f"{count} of the colour within {gate:g} px of where the hand is expected: which is "
-                "the hand and which its reflection is not to be told"
+                f"{count} of the colour within {_GATE:g} px of where the hand is expected: which "
+                "is the hand and which its reflection is not to be told"
             )
             return vague, vague
         others = [b for k, b in enumerate(blobs) if k != near[0]]

@@ -13,10 +13,7 @@ from nico_selfmodel.systems.tracking.hand_tracker import (
 )
 from nico_selfmodel.vision.images.not_seen import NotSeen
 from nico_selfmodel.vision.markers.fiducial import Fiducial, FiducialSearch
-from nico_selfmodel.vision.markers.fiducial_behind_lens import (
-    center_behind_lens,
-    corners_behind_lens,
-)
+from nico_selfmodel.vision.markers.fiducial_behind_lens import behind_lens
 from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY, FiducialFamily
 
 
@@ -113,7 +110,7 @@ class _SharedSearch:
         self._family, self._camera, self._mirrors = family, camera, mirrors
         self._image: NDArray | None = None
         self._found = FiducialSearch(family, (), "")
-        self._located: dict[tuple[int, bool], NDArray | NotSeen] = {}
+        self._located: dict[tuple[int, bool], Fiducial | NotSeen] = {}
 
     def of(self, marker: int, corner: int | None) -> Detector:
         """Return what finds the centre of one marker, or one of its corners."""
@@ -134,22 +131,12 @@ class _SharedSearch:
         if image is not self._image:
             self._found = FiducialSearch.of(image, self._family, mirrors=self._mirrors)
             self._image, self._located = image, {}
-        found = self._found.one(marker, mirrored=mirrored)
+        if (marker, mirrored) not in self._located:
+            found = self._found.one(marker, mirrored=mirrored)
+            if self._camera is not None and not isinstance(found, NotSeen):
+                found = behind_lens(image, found, self._camera)
+            self._located[marker, mirrored] = found
+        found = self._located[marker, mirrored]
         if isinstance(found, NotSeen):
             return found
-        if corner is None:
-            return self._center(image, found)
-        if (marker, mirrored) not in self._located:
-            self._located[marker, mirrored] = self._corners(image, found)
-        corners = self._located[marker, mirrored]
-        return corners if isinstance(corners, NotSeen) else corners[corner]
-
-    def _center(self, image: NDArray, found: Fiducial) -> NDArray | NotSeen:
-        if self._camera is None:
-            return found.center
-        return center_behind_lens(image, found, self._camera)
-
-    def _corners(self, image: NDArray, found: Fiducial) -> NDArray | NotSeen:
-        if self._camera is None:
-            return found.corners
-        return corners_behind_lens(image, found, self._camera)
+        return found.center if corner is None else found.corners[corner]

@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.files.folder_contents import found_at
+from nico_selfmodel.files.folder_contents import SUFFIXES, found_at
 from nico_selfmodel.files.reading import LARGEST_PICTURE, read_bytes
 from nico_selfmodel.files.whole import write_bytes_whole
 from nico_selfmodel.vision.images.picture_header import check_header
 
-SUFFIXES = (".png", ".jpg", ".jpeg")
 """Endings of the files that count as images, in small letters."""
 
 

@@ -5,6 +5,8 @@ the border of a wide image that is half a pixel. So the marker is looked at once
 from which the lens has been taken out.
 """
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +25,8 @@ _LARGEST_PATCH = 2.0
 """Side of the patch over that of the image."""
 
 
-def center_behind_lens(image: NDArray, seen: Fiducial, camera: Camera) -> NDArray | NotSeen:
-    """Locate the image of a marker's centre through a calibrated lens.
+def behind_lens(image: NDArray, seen: Fiducial, camera: Camera) -> Fiducial | NotSeen:
+    """Locate a marker once more, through a calibrated lens.
 
     Args:
         image: In which the marker was found; grey or BGR, 8 bits. Shape (h, w) or (h, w, 3).
@@ -32,37 +34,10 @@ def center_behind_lens(image: NDArray, seen: Fiducial, camera: Camera) -> NDArra
         camera: The camera, for its lens.
 
     Returns:
-        The centre, as the camera shows it [px], shape (2,); or why not.
+        The marker with corners and centre where the camera shows them [px]; or why not.
 
     Raises:
         ValueError: If the image has another shape or type.
-    """
-    found = _without_lens(image, seen, camera)
-    if isinstance(found, NotSeen):
-        return found
-    corners, scale, low = found
-    return camera.pixels_of(marker_center(corners) / scale + low)
-
-
-def corners_behind_lens(image: NDArray, seen: Fiducial, camera: Camera) -> NDArray | NotSeen:
-    """Locate a marker's corners through a calibrated lens, as `center_behind_lens`. Shape (4, 2).
-
-    Raises:
-        ValueError: If the image has another shape or type.
-    """
-    found = _without_lens(image, seen, camera)
-    if isinstance(found, NotSeen):
-        return found
-    corners, scale, low = found
-    return camera.pixels_of((corners / scale + low).T).T
-
-
-def _without_lens(
-    image: NDArray, seen: Fiducial, camera: Camera
-) -> tuple[NDArray, float, NDArray] | NotSeen:
-    """Return a marker's corners in a patch without lens, its pixels a unit, its origin; or why not.
-
-    Ideal coordinates are corners / scale + low.
     """
     gray = as_gray(image)
     if not camera.has_rays(seen.corners).all():
@@ -82,4 +57,5 @@ def _without_lens(
     corners = corners_from_edges(patch, (ideal - low) * scale, cells)
     if corners is None:
         return NotSeen("the marker's edges are not plain to see behind the lens")
-    return corners, float(scale), low
+    center = camera.pixels_of(marker_center(corners) / scale + low)
+    return replace(seen, corners=camera.pixels_of((corners / scale + low).T).T, center=center)

@@ -32,7 +32,7 @@ def pixel_errors(assessment: CameraAssessment) -> Figure:
     sets = error_sets(
         assessment.test_distances, assessment.cross_validation, assessment.train_distances
     )
-    return distribution(sets, unit="px", digits=2, what="reprojection error", thing="corner")
+    return distribution(sets, unit="px", what="reprojection error", thing="corner")
 
 
 def coverage(assessment: CameraAssessment) -> Figure:

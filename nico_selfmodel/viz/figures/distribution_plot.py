@@ -53,15 +53,12 @@ def error_sets(
     ]
 
 
-def distribution(
-    sets: Sequence[ErrorSet], *, unit: str, digits: int, what: str, thing: str
-) -> Figure:
+def distribution(sets: Sequence[ErrorSet], *, unit: str, what: str, thing: str) -> Figure:
     """Draw the share of errors below each value, means and rms marked.
 
     Args:
         sets: One curve each, the most telling first: the headline is about it.
         unit: Of the errors.
-        digits: Decimals that are shown of them.
         what: What an error is.
         thing: What has one.
 
@@ -75,7 +72,7 @@ def distribution(
             errors, color = one.errors, one.color
             share = np.arange(1, len(errors) + 1) / len(errors)
             mean, rms = float(errors.mean()), float(np.sqrt(np.mean(errors**2)))
-            text = f"{one.label} ({len(errors)}): mean {mean:.{digits}f}, rms {rms:.{digits}f}"
+            text = f"{one.label} ({len(errors)}): mean {mean:.2f}, rms {rms:.2f}"
             axes.step(errors, 100.0 * share, where="post", color=color, label=f"{text} {unit}")
             for value, mark in ((mean, "o"), (rms, "D")):
                 height = 100.0 * np.mean(errors <= value)
@@ -93,8 +90,7 @@ def distribution(
         half, most = np.percentile(sets[0].errors, [50, 95])
         headline(
             figure,
-            f"Half within {half:.{digits}f} {unit}, 95 % within {most:.{digits}f} {unit} "
-            f"({sets[0].label})",
+            f"Half within {half:.2f} {unit}, 95 % within {most:.2f} {unit} ({sets[0].label})",
         )
     return figure
 

@@ -37,7 +37,7 @@ def error_distribution(calibration: KinematicCalibration) -> Figure:
     )
     told = (None if errors is None else errors[np.isfinite(errors)] for errors in found)
     sets = error_sets(*(None if errors is None else 1e3 * errors for errors in told))
-    return distribution(sets, unit="mm", digits=2, what="error of a point", thing="point")
+    return distribution(sets, unit="mm", what="error of a point", thing="point")
 
 
 def error_over_workspace(calibration: KinematicCalibration) -> Figure:

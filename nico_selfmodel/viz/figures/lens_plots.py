@@ -52,7 +52,7 @@ def epipolar_distribution(assessment: CameraAssessment) -> Figure | None:
     if not sets:
         return None
     what = "distance of a corner from its epipolar line"
-    return distribution(sets, unit="px", digits=2, what=what, thing="corner")
+    return distribution(sets, unit="px", what=what, thing="corner")
 
 
 def reconstruction_by_range(assessment: CameraAssessment) -> Figure | None:

@@ -6,7 +6,6 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.geometry import Meshcat
 
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
@@ -14,14 +13,19 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import WORLD, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
-from nico_selfmodel.viz.figures.rgba import Rgba
-from nico_selfmodel.viz.live.image_marks import marked
-from nico_selfmodel.viz.live.moving_scene import MovingScene
+from nico_selfmodel.viz.live.hand_view import (
+    AZIMUTH,
+    LEGEND,
+    PREDICTED,
+    TRACKED,
+    HandView,
+    Marks,
+    hand_items,
+)
 from nico_selfmodel.viz.live.screens import screens_beside
 from nico_selfmodel.viz.live.station_mirror import StandingGlass, StationMirror
-from nico_selfmodel.viz.live.station_view import PREDICTED, TRACKED
-from nico_selfmodel.viz.scene.scene import LegendEntry, Scene, path_names
-from nico_selfmodel.viz.scene.scene_items import Item, Markers
+from nico_selfmodel.viz.scene.scene import Scene, path_names
+from nico_selfmodel.viz.scene.scene_items import Item
 from nico_selfmodel.viz.scene.surroundings import camera_from, floor_items
 from nico_selfmodel.viz.scene.tree_scene import axis_points, carried_items
 
@@ -29,11 +33,9 @@ _HAND = 0.012
 """Radius of what marks a hand [m]."""
 _ABOUT = 0.1
 """Room about the body that the first view has, for what moves [m]; cards may hang beyond it."""
-_AZIMUTH = np.radians(252.0)
-"""The first view is from the robot's right and a little behind: it looks towards its screens."""
 
 
-class WholeBodyView(MovingScene):
+class WholeBodyView(HandView):
     """The moving tree with its cameras, their images, each hand as tracked and as predicted.
 
     W is the room; the first camera is the left one. Before a mirror, the glass carries what the
@@ -45,7 +47,6 @@ class WholeBodyView(MovingScene):
         model: BodyModel,
         hands: Mapping[str, Sequence[str]],
         readings: NDArray,
-        meshcat: Meshcat | None = None,
         *,
         glass: StandingGlass | None = None,
         recording: bool = False,
@@ -56,7 +57,6 @@ class WholeBodyView(MovingScene):
             model: The body as learned, with two cameras.
             hands: Markers of each hand, by what it is called; their middle is shown.
             readings: Where it is now [encoder units]. Shape (n,).
-            meshcat: Where to draw; a new server that only this machine reaches if omitted.
             glass: A mirror before the robot that the model knows, if any.
             recording: Keep every `show` as a frame of an animation, for `html`.
 
@@ -84,23 +84,19 @@ class WholeBodyView(MovingScene):
             side: camera.image_size
             for side, camera in zip(SIDES, rig_of(tree, motion).cameras, strict=True)
         }
-        self._screens = screens_beside(points, float(_AZIMUTH), sizes)
-        super().__init__(self._scene(items, points), meshcat, recording=recording)
+        self._screens = screens_beside(points, float(AZIMUTH), sizes)
+        super().__init__(self._scene(items, points), recording=recording)
 
     def _scene(self, items: list[Item], points: NDArray) -> Scene:
         """Return what is drawn once, screens beside the points of the body."""
-        kinds = (("tracked", TRACKED, 1.0), ("predicted", PREDICTED, 0.8))
         groups = ("hands",) if self._mirror is None else ("hands", "reflections")
         for group, hand in product(groups, self.hands):
-            for kind, color, size in kinds:
-                path, one = f"{group}/{hand}/{kind}", np.zeros((1, 3))
-                items.append(Markers(path=path, color=color, centers=one, radius=size * _HAND))
+            items += hand_items(f"{group}/{hand}", _HAND)
         items += [] if self._mirror is None else self._mirror.frame_items()
         items += [item for screen in self._screens.values() for item in screen.frame_items()]
-        legend = tuple(LegendEntry(f"hand as {kind}", color) for kind, color, _ in kinds)
         corners = [screen.corners for screen in self._screens.values()]
-        view = camera_from(np.concatenate([points, *corners]), _AZIMUTH, np.radians(18.0))
-        return Scene(self.model.name, (*floor_items(points, 0.2), *items), view, legend)
+        view = camera_from(np.concatenate([points, *corners]), AZIMUTH, np.radians(18.0))
+        return Scene(self.model.name, (*floor_items(points, 0.2), *items), view, LEGEND)
 
     def expected(self, readings: NDArray) -> dict[str, NDArray]:
         """Return where the cameras should see each marker [px]. Shape (4,) each.
@@ -156,28 +152,22 @@ class WholeBodyView(MovingScene):
             self._place(f"links/{name}", X_WL[link] @ self._X_LW[link], time)
         rig, p_WM = self._seen_from(readings)
         direct = self._marks(pixels, self.expected(readings))
-        rings: dict[str, dict[Rgba, NDArray]] = {}
+        rings: dict[str, Marks] = {}
         if reflected is not None:
             rings = self._marks(reflected, self.expected_in_mirror(readings))
         for hand, markers in self.hands.items():
             at = np.mean([p_WM[name] for name in markers], axis=0)
             self._show_hand(f"hands/{hand}", rig, direct[hand][TRACKED], at, time)
-            if self._mirror is not None and reflected is not None:
-                behind = self._mirror.reflection(at)
-                there = self._mirror.plane.distance_to(at) > 0.0
-                seen, path = rings[hand][TRACKED], f"reflections/{hand}"
-                self._show_hand(path, rig, seen, behind if there else np.full(3, np.nan), time)
-                for name, item in self._mirror.rays(rig, at, f"mirror/{hand}").items():
-                    self._show_item(name, item, time)
-        drawn = [image[:, :, ::-1] for image in images]
-        if self._mirror is not None:
-            self._show_item("mirror/picture", self._mirror.picture(rig.left, drawn[0]), time)
-        self._show_images(drawn, direct, rings, time)
+            if reflected is not None:
+                path, seen, rays = f"reflections/{hand}", rings[hand][TRACKED], f"mirror/{hand}"
+                self._show_reflection(path, rig, seen, at, rays, time)
+        marks = [(direct[hand], rings.get(hand, {})) for hand in self.hands]
+        self._show_images(rig, images, marks, time)
         self._frames += 1
 
     def _marks(
         self, tracked: Mapping[str, NDArray], expected: Mapping[str, NDArray]
-    ) -> dict[str, dict[Rgba, NDArray]]:
+    ) -> dict[str, Marks]:
         """Return by hand where both cameras see its middle, and where they should [px]. (4,)."""
         return {
             hand: {
@@ -186,34 +176,6 @@ class WholeBodyView(MovingScene):
             }
             for hand, markers in self.hands.items()
         }
-
-    def _show_hand(
-        self, path: str, rig: StereoRig, tracked: NDArray, at: NDArray, time: float | None
-    ) -> None:
-        """Show a hand, or its reflection, where it is seen and where it is expected."""
-        seen = rig.triangulate(tracked[None]).p_WQ[0]
-        for kind, p in (("tracked", seen), ("predicted", at)):
-            known = bool(np.isfinite(p).all())
-            if known:
-                self._place(f"{path}/{kind}", transform(np.eye(3), p), time)
-            self._set_visible(f"{path}/{kind}", known, time)
-
-    def _show_images(
-        self,
-        images: Sequence[NDArray],
-        marks: Mapping[str, Mapping[Rgba, NDArray]],
-        rings: Mapping[str, Mapping[Rgba, NDArray]],
-        time: float | None,
-    ) -> None:
-        """Show both pictures (red, green, blue) with hands and reflections marked."""
-        for k, ((side, screen), image) in enumerate(
-            zip(self._screens.items(), images, strict=True)
-        ):
-            own, drawn = slice(2 * k, 2 * k + 2), image
-            for hand, both in marks.items():
-                ring = {color: uv[own] for color, uv in rings.get(hand, {}).items()}
-                drawn = marked(drawn, {color: uv[own] for color, uv in both.items()}, ring)
-            self._show_item(f"screens/{side}/image", screen.picture(drawn, "image"), time)
 
     def _motion(self, readings: NDArray) -> TreeMotion:
         return TreeMotion.at(self.model.tree, self.model.readings(readings[None]))

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 from numpy.typing import NDArray
-from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 
 from nico_selfmodel.viz.live.drake_backend import draw_in_drake, draw_item
@@ -17,12 +16,11 @@ _SECONDS_A_FRAME = 1.0 / 8.0
 class MovingScene:
     """What was drawn once, and is moved, hidden and drawn anew afterwards."""
 
-    def __init__(self, scene: Scene, meshcat: Meshcat | None, *, recording: bool) -> None:
+    def __init__(self, scene: Scene, *, recording: bool) -> None:
         """Draw everything once.
 
         Args:
             scene: What is drawn.
-            meshcat: Where to draw; a new server that only this machine reaches if None.
             recording: Keep every frame of an animation, for `html`.
 
         Raises:
@@ -30,7 +28,7 @@ class MovingScene:
         """
         self._shown: dict[str, str] = {}
         self._recording, self._frames = recording, 0
-        self.meshcat = draw_in_drake(scene, meshcat)
+        self.meshcat = draw_in_drake(scene)
         if recording:
             self.meshcat.StartRecording(
                 frames_per_second=1.0 / _SECONDS_A_FRAME, set_visualizations_while_recording=True

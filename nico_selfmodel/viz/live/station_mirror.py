@@ -11,8 +11,8 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.viz.figures import palette
-from nico_selfmodel.viz.scene.mirror_picture import on_glass
-from nico_selfmodel.viz.scene.scene_items import Item, Picture, Surface, Tube
+from nico_selfmodel.viz.scene.mirror_picture import on_glass, plate_items
+from nico_selfmodel.viz.scene.scene_items import Item, Picture, Tube
 
 _EDGE, _RAY, _BEHIND_RAY = 0.003, 0.0014, 0.0007
 """Radii of what is drawn [m]."""
@@ -57,21 +57,8 @@ class StationMirror:
 
     def frame_items(self) -> list[Item]:
         """Return the glass and its edge."""
-        return [
-            Surface(
-                path="mirror/glass",
-                color=_GLASS,
-                vertices=self.corners - _BACK * self.plane.normal,
-                faces=np.array([[0, 1, 2], [0, 2, 3]]),
-            ),
-            Tube(
-                path="mirror/edge",
-                color=palette.rgba(palette.MUTED),
-                points=self.corners,
-                radius=_EDGE,
-                closed=True,
-            ),
-        ]
+        glass = self.corners - _BACK * self.plane.normal
+        return plate_items("mirror", self.corners, glass, _GLASS, _EDGE)
 
     def reflection(self, p_RH: NDArray) -> NDArray:
         """Return where the reflection of a point appears, behind the glass. Shape (3,)."""
@@ -111,8 +98,7 @@ class StationMirror:
         for k, (side, camera) in enumerate(zip(SIDES, rig.cameras, strict=True)):
             seen = bool(np.isfinite(expected[2 * k : 2 * k + 2]).all())
             center = camera.X_WC[:3, 3]
-            near, far = self.plane.distance_to(center), self.plane.distance_to(behind)
-            on = center + near / (near - far) * (behind - center) if seen else center
+            on = self.plane.met_between(center, behind) if seen else center
             for name, points, radius, opacity in (
                 (f"{side}_ray", np.stack([p_RH, on, center]), _RAY, 1.0),
                 (f"{side}_behind", np.stack([on, behind]), _BEHIND_RAY, 0.5),

@@ -4,42 +4,43 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydrake.geometry import Meshcat
 
-from nico_selfmodel.geometry.transform import apply, inverse, transform
+from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription, SelfModelPlant
 from nico_selfmodel.plant.learned_frames import learned_frames
 from nico_selfmodel.viz.figures import palette
-from nico_selfmodel.viz.figures.rgba import Rgba
-from nico_selfmodel.viz.live.image_marks import marked
-from nico_selfmodel.viz.live.moving_scene import MovingScene
+from nico_selfmodel.viz.live.hand_view import (
+    AZIMUTH,
+    CYAN,
+    LEGEND,
+    ORANGE,
+    PREDICTED,
+    TRACKED,
+    HandView,
+    hand_items,
+)
 from nico_selfmodel.viz.live.screens import screens_beside
 from nico_selfmodel.viz.live.station_mirror import StandingGlass, StationMirror
 from nico_selfmodel.viz.scene.body_scene import standing
 from nico_selfmodel.viz.scene.camera_items import ImagePlane, camera_items
 from nico_selfmodel.viz.scene.robot.robot_items import robot_items
-from nico_selfmodel.viz.scene.scene import LegendEntry, Scene
-from nico_selfmodel.viz.scene.scene_items import Item, Markers, Picture
+from nico_selfmodel.viz.scene.scene import Scene
+from nico_selfmodel.viz.scene.scene_items import Item, Picture
 from nico_selfmodel.viz.scene.surroundings import camera_from, floor_items
 
 _SPREAD = 1.5
 """Width of an image in baselines: they overlap, as what the cameras see does."""
 _HAND = 0.006
 """Radius of what marks the hand [m]."""
-_CYAN, _ORANGE = "#33bbee", "#ee7733"
-TRACKED, PREDICTED = palette.rgba(_CYAN), palette.rgba(_ORANGE)
 _FLESH = 0.09
 """How far the robot reaches beyond the origins of its links [m]."""
-_AZIMUTH = np.radians(252.0)
-"""The first view is from the robot's right and a little behind: it looks towards its screens."""
-
 _INTO_MIRROR = np.radians(232.0)
 """Before a mirror it is more from behind, so that one can look into the glass."""
 
 
-class StationView(MovingScene):
+class StationView(HandView):
     """The moving robot, the frusta of its cameras, their images, the tracked and predicted hand.
 
     The robot stands upright on its own root link, whatever frame its self-model is expressed in.
@@ -51,7 +52,6 @@ class StationView(MovingScene):
         self,
         arm: ArmDescription,
         model: SelfModel,
-        meshcat: Meshcat | None = None,
         *,
         glass: StandingGlass | None = None,
         recording: bool = False,
@@ -61,7 +61,6 @@ class StationView(MovingScene):
         Args:
             arm: The robot as described.
             model: Arm and cameras as learned.
-            meshcat: Where to draw; a new server that only this machine reaches if omitted.
             glass: A mirror before the robot that the model knows, if any.
             recording: Keep every `show` as a frame of an animation, for `html`.
 
@@ -84,35 +83,29 @@ class StationView(MovingScene):
             for side, camera in zip(SIDES, self.model.rig.cameras, strict=True)
         }
         sizes = {side: plane.camera.image_size for side, plane in self._planes.items()}
-        self._azimuth = float(_AZIMUTH if glass is None else _INTO_MIRROR)
+        self._azimuth = float(AZIMUTH if glass is None else _INTO_MIRROR)
         self._screens = screens_beside(self._extent(body), self._azimuth, sizes)
-        super().__init__(self._scene(body), meshcat, recording=recording)
+        super().__init__(self._scene(body), recording=recording)
 
     def _scene(self, body: list[Item]) -> Scene:
         items: list[Item] = [*body]
         for side, plane in self._planes.items():
             # Its screen says which it is; the name on the image would be read from behind.
             items += [i for i in camera_items(side, plane, None) if not i.path.endswith("/name")]
-        items += [_ball("hand/tracked", TRACKED, 1.0), _ball("hand/predicted", PREDICTED, 0.8)]
+        items += hand_items("hand", _HAND)
         items += [item for screen in self._screens.values() for item in screen.frame_items()]
         last = self._screens[SIDES[1]]
-        items.append(last.words("screens/tracked", "+  hand as tracked", _CYAN, 0))
-        items.append(last.words("screens/predicted", "\u00d7  hand as predicted", _ORANGE, 1))
+        items.append(last.words("screens/tracked", "+  hand as tracked", CYAN, 0))
+        items.append(last.words("screens/predicted", "\u00d7  hand as predicted", ORANGE, 1))
         if self._mirror is not None:
-            items += self._mirror.frame_items()
-            items += [_ball("reflection/tracked", TRACKED, 1.0)]
-            items += [_ball("reflection/predicted", PREDICTED, 0.8)]
+            items += [*self._mirror.frame_items(), *hand_items("reflection", _HAND)]
             words = "\u25cb  its reflection"
             items.append(last.words("screens/reflected", words, palette.INK, 2))
         points = self._extent(body)
         grid = floor_items(points, 0.2)
-        legend = (
-            LegendEntry("hand as tracked", TRACKED),
-            LegendEntry("hand as predicted", PREDICTED),
-        )
         corners = [screen.corners for screen in self._screens.values()]
         view = camera_from(np.concatenate([points, *corners]), self._azimuth, np.radians(18.0))
-        return Scene(self.model.name, (*grid, *items), view, legend)
+        return Scene(self.model.name, (*grid, *items), view, LEGEND)
 
     def _extent(self, body: list[Item]) -> NDArray:
         """Return points that the robot and what its cameras see lie between. Shape (N, 3)."""
@@ -148,60 +141,22 @@ class StationView(MovingScene):
             raise ValueError("reflected pixels were given, but the view was made without a glass")
         for link, X_DL in self._link_poses(q).items():
             self._place(f"robot/{link}", X_DL @ self._X_LD[link], time)
-        predicted = self.model.points(q)
-        self._place("hand/predicted", transform(np.eye(3), predicted), time)
-        self._show_tracked("hand/tracked", seen, time)
-        if self._mirror is not None:
-            self._show_reflection(self._mirror, predicted, in_mirror, time)
+        predicted, mirror, rig = self.model.points(q), self._mirror, self.model.rig
+        self._show_hand("hand", rig, seen, predicted, time)
+        self._show_reflection("reflection", rig, in_mirror, predicted, "mirror", time)
         if images is not None:
-            self._show_images(images, predicted, seen, in_mirror, time)
+            behind = np.full(4, np.nan) if mirror is None else mirror.project(rig, predicted)
+            crosses = {TRACKED: seen, PREDICTED: rig.project(predicted)}
+            rings = {TRACKED: in_mirror, PREDICTED: behind}
+            self._show_images(rig, images, [(crosses, rings)], time)
         self._frames += 1
 
-    def _show_images(
-        self,
-        images: Sequence[NDArray],
-        predicted: NDArray,
-        seen: NDArray,
-        in_mirror: NDArray,
-        time: float | None,
-    ) -> None:
-        """Show both pictures with the hand and its reflection marked, and what the glass shows."""
-        mirror, rig = self._mirror, self.model.rig
-        if mirror is not None:
-            self._show_item("mirror/picture", mirror.picture(rig.left, images[0][:, :, ::-1]), time)
-        expected = rig.project(predicted)
-        behind = np.full(4, np.nan) if mirror is None else mirror.project(rig, predicted)
-        for k, side in enumerate(SIDES):
-            own = slice(2 * k, 2 * k + 2)
-            marks = {TRACKED: seen[own], PREDICTED: expected[own]}
-            rings = {TRACKED: in_mirror[own], PREDICTED: behind[own]}
-            self._show_image(side, marked(images[k][:, :, ::-1], marks, rings), time)
-
-    def _show_reflection(
-        self, mirror: StationMirror, predicted: NDArray, pixels: NDArray, time: float | None
-    ) -> None:
-        """Show where the reflection is expected and tracked, and how its light goes."""
-        behind = transform(np.eye(3), mirror.reflection(predicted))
-        in_front = float(mirror.plane.distance_to(predicted)) > 0.0
-        self._place("reflection/predicted", behind, time)
-        self._set_visible("reflection/predicted", in_front, time)
-        self._show_tracked("reflection/tracked", pixels, time)
-        for path, item in mirror.rays(self.model.rig, predicted).items():
-            self._show_item(path, item, time)
-
-    def _show_tracked(self, path: str, pixels: NDArray, time: float | None) -> None:
-        there = bool(np.isfinite(pixels).all())
-        if there:
-            p = self.model.rig.triangulate(pixels[None]).p_WQ[0]
-            self._place(path, transform(np.eye(3), p), time)
-        self._set_visible(path, there, time)
-
     def _show_image(self, side: str, image: NDArray, time: float | None) -> None:
-        """Draw an image on its plane and on its screen."""
+        """Draw an image on its screen, and on its plane before the camera."""
+        super()._show_image(side, image, time)
         items = camera_items(side, self._planes[side], image)
         (picture,) = (item for item in items if isinstance(item, Picture) and "image" in item.path)
         self._show_item(f"cameras/{side}/image", picture, time)
-        self._show_item(f"screens/{side}/image", self._screens[side].picture(image, "image"), time)
 
     def _link_poses(self, q: NDArray) -> dict[str, NDArray]:
         self._built.set_joint_angles(self._context, q)
@@ -223,7 +178,3 @@ def _four(pixels: ArrayLike | None, name: str) -> NDArray:
     if found.shape != (4,):
         raise ValueError(f"{name} must have shape (4,), got {found.shape}")
     return found
-
-
-def _ball(path: str, color: Rgba, size: float) -> Item:
-    return Markers(path=path, color=color, centers=np.zeros((1, 3)), radius=size * _HAND)

@@ -112,7 +112,7 @@ def _errors(calibration: BodyCalibration, document: Mapping[str, Any]) -> parts.
     train = calibration.train.select(~calibration.outliers)
     found = (calibration.test, calibration.cross_validation, train)
     sets = error_sets(*(None if one is None else one.pixel_distances for one in found))
-    figure = distribution(sets, unit="px", digits=2, what="error in an image", thing="observation")
+    figure = distribution(sets, unit="px", what="error in an image", thing="observation")
     return shared_sections.errors_section(
         document,
         (

@@ -53,7 +53,7 @@ def _errors(calibration: MirrorCalibration, document: Mapping[str, Any]) -> part
     train = calibration.train.select(~calibration.solution.outliers)
     found = (calibration.test, calibration.cross_validation, train)
     sets = error_sets(*(None if one is None else one.distances_px for one in found))
-    figure = distribution(sets, unit="px", digits=2, what="reprojection error", thing="reflection")
+    figure = distribution(sets, unit="px", what="reprojection error", thing="reflection")
     return shared_sections.errors_section(
         document,
         (

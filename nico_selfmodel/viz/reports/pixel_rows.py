@@ -7,14 +7,15 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.mirrors.mirror_evaluation import MirrorEvaluation
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
+from nico_selfmodel.files.csv_cells import rows_text
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.viz.figures.camera_views import ShownView
-from nico_selfmodel.viz.reports.residual_rows import Held, Rows, csv_of, flag
+from nico_selfmodel.viz.reports.residual_rows import Held, Rows, flag
 
 PIXEL_HEADINGS = (
     *("set", "sample", "point", "outlier", "camera"),
     *("u_px", "v_px", "u_predicted_px", "v_predicted_px", "error_px"),
 )
-_SIDES = ("left", "right")
 
 
 def pixels_csv(sets: Iterable[Held]) -> str:
@@ -23,12 +24,12 @@ def pixels_csv(sets: Iterable[Held]) -> str:
     Args:
         sets: Of `PixelEvaluation` or `MirrorEvaluation`; those that are None are left out.
     """
-    return csv_of(PIXEL_HEADINGS, (row for one in sets if one[1] for row in _pixel_rows(*one)))
+    return rows_text(PIXEL_HEADINGS, (row for one in sets if one[1] for row in _pixel_rows(*one)))
 
 
 def views_csv(views: Iterable[ShownView]) -> str:
     """Return observed and predicted corners of boards as CSV; a point is a corner's number."""
-    return csv_of(PIXEL_HEADINGS, (row for view in views for row in _view_rows(view)))
+    return rows_text(PIXEL_HEADINGS, (row for view in views for row in _view_rows(view)))
 
 
 def _pixel_rows(
@@ -44,7 +45,7 @@ def _pixel_rows(
         label = [arm.markers[k] for k in arm.marker]
     for i, residual in enumerate(found.residuals):
         for side, pixel, off in zip(
-            _SIDES, pixels[i].reshape(-1, 2), residual.reshape(-1, 2), strict=False
+            SIDES, pixels[i].reshape(-1, 2), residual.reshape(-1, 2), strict=False
         ):
             if np.isfinite(off).all():
                 yield name, int(sample[i]), label[i], flag(outliers, i), side, *_pair(pixel, off)

@@ -1,14 +1,12 @@
 """Residuals of every row that was held against a model, as a table to download."""
 
-import csv
-import io
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.arm.evaluation import Evaluation
-from nico_selfmodel.files.csv_cells import safe_cell
+from nico_selfmodel.files.csv_cells import rows_text
 
 RESIDUALS_FILE = "residuals.csv"
 POINT_HEADINGS = (
@@ -26,7 +24,7 @@ def points_csv(sets: Iterable[Held]) -> str:
     Args:
         sets: Of `Evaluation`; those that are None are left out.
     """
-    return csv_of(POINT_HEADINGS, (row for one in sets if one[1] for row in _point_rows(*one)))
+    return rows_text(POINT_HEADINGS, (row for one in sets if one[1] for row in _point_rows(*one)))
 
 
 def _point_rows(name: str, found: Evaluation, outliers: NDArray | None) -> Rows:
@@ -40,13 +38,3 @@ def _point_rows(name: str, found: Evaluation, outliers: NDArray | None) -> Rows:
 def flag(outliers: NDArray | None, row: int) -> str:
     """Say whether a row is an outlier."""
     return "yes" if outliers is not None and outliers[row] else "no"
-
-
-def csv_of(headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Return rows under headings as CSV."""
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(headings)
-    for row in rows:
-        writer.writerow([safe_cell(v) if isinstance(v, str) else v for v in row])
-    return buffer.getvalue()

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
+from nico_selfmodel.files.csv_cells import rows_text
 from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.bending_section import bending_section
 from nico_selfmodel.viz.reports.page import Report, headline_quantity, key_number, telling_set
 from nico_selfmodel.viz.reports.parameter_tables import ParameterTables
-from nico_selfmodel.viz.reports.residual_rows import Held, Rows, csv_of, flag
+from nico_selfmodel.viz.reports.residual_rows import Held, Rows, flag
 from nico_selfmodel.viz.reports.tables import Cell, Table, error_table, held_out, number_cell
 from nico_selfmodel.viz.reports.updates import about_update, told_by_update
 from nico_selfmodel.viz.scene.tree_scene import tree_scene
@@ -100,7 +101,7 @@ def _errors(calibration: TreeCalibration, document: Mapping[str, Any]) -> parts.
         sets = error_sets(
             *(None if e is None else factor * e.of_kind(*kinds, keep=keep) for e, keep in found)
         )
-        figure = distribution(sets, unit=unit, digits=2, what="error", thing="observation")
+        figure = distribution(sets, unit=unit, what="error", thing="observation")
         drawing = drawing or parts.drawing(f"Distribution of the errors {heading}", figure, "half")
     if POINTS in space:
         tables.append((_touches(document), "By how much touches and distances are missed."))
@@ -309,7 +310,7 @@ def _residuals_csv(sets: Iterable[Held]) -> str:
     Args:
         sets: Of `TreeErrors`; those that are None are left out.
     """
-    return csv_of(
+    return rows_text(
         _RESIDUAL_HEADINGS, (row for one in sets if one[1] for row in _residual_rows(*one))
     )
 

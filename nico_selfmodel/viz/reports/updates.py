@@ -187,7 +187,7 @@ def _distribution(evaluation: UpdateEvaluation, unit: str) -> Figure:
         ErrorSet("before", palette.TRAINING, scale * before),
     ]
     what = "error in an image" if unit == "px" else "error in space"
-    return distribution(sets, unit=unit, digits=2, what=what, thing="observation")
+    return distribution(sets, unit=unit, what=what, thing="observation")
 
 
 def _causes(health: HealthReport) -> parts.Section:

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.geometry.rotation import tangent_basis
+from nico_selfmodel.geometry.rotation import frame_along
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import called
@@ -82,14 +82,14 @@ def _capsule(
     length = float(np.linalg.norm(end - start))
     if length < 0.5 * radius:
         return None
-    pose = transform(_frame_along((end - start) / length), 0.5 * (start + end))
+    pose = transform(frame_along((end - start) / length), 0.5 * (start + end))
     return Capsule(path=path, color=color, X_WI=pose, radius=radius, length=length)
 
 
 def _joints(points: NDArray, directions: NDArray, model: SelfModel, unit: float) -> list[Item]:
     items: list[Item] = []
     for i, name in enumerate(path_names(model.joints)):
-        pose = transform(_frame_along(directions[i]), points[i])
+        pose = transform(frame_along(directions[i]), points[i])
         color = palette.joint_color(i)
         items.append(
             Cylinder(
@@ -130,8 +130,3 @@ def _frames(model: SelfModel, q: NDArray, unit: float) -> list[Item]:
         )
         for name, pose in zip(["frame_0", *after], model.dh.frames(q), strict=True)
     ]
-
-
-def _frame_along(direction: NDArray) -> NDArray:
-    """Return a rotation whose z is a unit direction. Shape (3, 3)."""
-    return np.column_stack([tangent_basis(direction), direction])

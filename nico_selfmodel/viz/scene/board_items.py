@@ -15,9 +15,7 @@ _SQUARE_PIXELS, _EDGE_PIXELS = 20, 4
 _DARKER, _GLASS = 0.72, 0.45
 
 
-def board_item(
-    path: str, p_GQ: NDArray, X_WG: NDArray, color: ArrayLike, opacity: float = 1.0
-) -> Picture:
+def board_item(path: str, p_GQ: NDArray, X_WG: NDArray, color: ArrayLike) -> Picture:
     """Return a board as a picture with squares between its corners and one more on every side.
 
     Args:
@@ -25,7 +23,6 @@ def board_item(
         p_GQ: Corners on the board [m]. Shape (P, 3).
         X_WG: Pose of the board. Shape (4, 4).
         color: Red, green and blue of its dark squares. Shape (3,).
-        opacity: 0 to 1.
     """
     low, high, square = board_extent(p_GQ)
     size = high - low
@@ -33,7 +30,7 @@ def board_item(
     counts = np.maximum(np.round(size / square).astype(int), 1)
     return Picture(
         path=path,
-        color=(1.0, 1.0, 1.0, opacity),
+        color=(1.0, 1.0, 1.0, 1.0),
         X_WI=X_WG @ middle,
         width=size[0],
         height=size[1],

@@ -11,9 +11,12 @@ from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.vision.images.image_file import read_image
+from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.photographs import jpeg, resampled
-from nico_selfmodel.viz.scene.scene_items import Picture
+from nico_selfmodel.viz.figures.rgba import Rgba
+from nico_selfmodel.viz.scene.scene_items import Item, Picture, Surface, Tube
 
 _PIXELS = 640
 """Width of the picture on the glass."""
@@ -53,7 +56,7 @@ def recorded_pictures(folder: str | Path, dataset: Dataset) -> dict[str, MirrorP
         if name in found:
             continue
         try:
-            left, right = (read_image(kept / f"{side}{int(poses[row]):04d}.png") for side in _SIDES)
+            left, right = (read_image(kept / f"{side}{int(poses[row]):04d}.png") for side in SIDES)
         except DataError:
             continue
         encoders = dataset.encoders[row]
@@ -91,6 +94,24 @@ def on_glass(path: str, camera: Camera, corners: NDArray, image: NDArray) -> Pic
     )
 
 
-_SIDES = ("left", "right")
+def plate_items(
+    path: str, plate: NDArray, glass: NDArray, color: Rgba, radius: float
+) -> list[Item]:
+    """Return a mirror as a plate with an edge.
+
+    Args:
+        path: Of the mirror; its items are `glass` and `edge` below it.
+        plate: Corners, one after the other. Shape (4, 3).
+        glass: The same of the glass, which may lie behind its picture.
+        color: Of the glass.
+        radius: Of the edge [m].
+    """
+    faces, edge = np.array([[0, 1, 2], [0, 2, 3]]), palette.rgba(palette.MUTED)
+    return [
+        Surface(path=f"{path}/glass", color=color, vertices=glass, faces=faces),
+        Tube(path=f"{path}/edge", color=edge, points=plate, radius=radius, closed=True),
+    ]
+
+
 Pictures = Mapping[str, MirrorPicture]
 """Mirror -> what was seen in it."""

@@ -13,10 +13,10 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.names import called
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.scene.camera_items import ImagePlane, camera_items
-from nico_selfmodel.viz.scene.mirror_picture import MirrorPicture, Pictures, on_glass
+from nico_selfmodel.viz.scene.mirror_picture import MirrorPicture, Pictures, on_glass, plate_items
 from nico_selfmodel.viz.scene.robot.robot_items import robot_items
 from nico_selfmodel.viz.scene.scene import LegendEntry, Scene, path_names
-from nico_selfmodel.viz.scene.scene_items import Item, Markers, Segments, Surface, Tube
+from nico_selfmodel.viz.scene.scene_items import Item, Markers, Segments, Tube
 from nico_selfmodel.viz.scene.surroundings import (
     X_WL,
     camera_from,
@@ -115,21 +115,9 @@ def _mirror_items(
     inliers = ~solution.outliers[rows]
     virtual = apply(X_SL, rig.mirror.reflect(solution.reflections.p_LQ[rows]))
     plate = _plate(rig, virtual, _MARGIN if picture is None else _PICTURED)
-    items: list[Item] = [
-        Surface(
-            path=f"mirrors/{path}/glass",
-            color=_GLASS if picture is None else palette.rgba(palette.MUTED),
-            vertices=plate if picture is None else plate - _BEHIND * rig.plane.normal,
-            faces=np.array([[0, 1, 2], [0, 2, 3]]),
-        ),
-        Tube(
-            path=f"mirrors/{path}/edge",
-            color=palette.rgba(palette.MUTED),
-            points=plate,
-            radius=0.4 * _DOT,
-            closed=True,
-        ),
-    ]
+    color = _GLASS if picture is None else palette.rgba(palette.MUTED)
+    glass = plate if picture is None else plate - _BEHIND * rig.plane.normal
+    items = plate_items(f"mirrors/{path}", plate, glass, color, 0.4 * _DOT)
     for kind, points, color in (("hand", hand, palette.HAND), ("reflection", virtual, None)):
         for label, chosen in (("inliers", inliers), ("outliers", ~inliers)):
             if chosen.any():
@@ -153,7 +141,7 @@ def _mirror_items(
 
 def _plate(rig: MirrorRig, virtual: NDArray, margin: float) -> NDArray:
     """Return the corners of the glass that lines of sight go through. Shape (4, 3)."""
-    meets = np.concatenate([_on_glass(rig, center, virtual) for center in _centres(rig.rig)])
+    meets = np.concatenate([rig.plane.met_between(center, virtual) for center in _centres(rig.rig)])
     normal = rig.plane.normal
     across = np.cross([0.0, 0.0, 1.0], normal)
     across = across / np.linalg.norm(across) if np.linalg.norm(across) > 1e-6 else X_WL[:3, 0]
@@ -171,7 +159,7 @@ def _rays(path: str, rig: MirrorRig, hand: NDArray, virtual: NDArray) -> list[It
     if not len(hand):
         return items
     for side, center in zip(("left", "right"), _centres(rig.rig), strict=True):
-        meets = _on_glass(rig, center, virtual)
+        meets = rig.plane.met_between(center, virtual)
         centers = np.repeat(center[None], len(hand), axis=0)
         color = palette.CAMERAS[side]
         for kind, starts, ends, opacity in (
@@ -211,12 +199,6 @@ def _reflected_cameras(path: str, rig: MirrorRig) -> list[Item]:
 
 def _centres(rig: StereoRig) -> list[NDArray]:
     return [camera.X_WC[:3, 3] for camera in rig.cameras]
-
-
-def _on_glass(rig: MirrorRig, center: NDArray, virtual: NDArray) -> NDArray:
-    """Return where lines of sight to reflections meet the glass. Shape (n, 3)."""
-    near, far = rig.plane.distance_to(center), rig.plane.distance_to(virtual)
-    return center + (near / (near - far))[:, None] * (virtual - center)
 
 
 def _legend(calibration: MirrorCalibration) -> tuple[LegendEntry, ...]:

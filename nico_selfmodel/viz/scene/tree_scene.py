@@ -5,15 +5,16 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.geometry.reflection import reflect
-from nico_selfmodel.geometry.rotation import tangent_basis
+from nico_selfmodel.geometry.rotation import frame_along, tangent_basis
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.tree.body_tree import FREE, WHOLE_POSES, WORLD, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import called
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.scene.camera_items import ImagePlane, camera_items
+from nico_selfmodel.viz.scene.mirror_picture import plate_items
 from nico_selfmodel.viz.scene.scene import LegendEntry, Scene, path_names
-from nico_selfmodel.viz.scene.scene_items import Cylinder, Item, Markers, Surface, Triad, Tube
+from nico_selfmodel.viz.scene.scene_items import Cylinder, Item, Markers, Triad, Tube
 from nico_selfmodel.viz.scene.surroundings import camera_from, floor_items, turned, with_room
 
 _PLANE, _OWN_PLANE = 0.25, 0.07
@@ -203,7 +204,7 @@ def _joints(
         drawn = Cylinder(
             path=f"body/joint_{name}",
             color=palette.rgba(palette.joint_color(i)),
-            X_WI=transform(np.column_stack([tangent_basis(z), z]), centres[i]),
+            X_WI=transform(frame_along(z), centres[i]),
             radius=0.028 * unit,
             length=0.07 * unit,
         )
@@ -258,8 +259,7 @@ def _glasses(tree: BodyTree, data: BodyDataset) -> dict[str, NDArray]:
         by = [data.sensors[s].name for s in table.sensor[rows].tolist()]
         pose = table.pose[rows].tolist()
         centres = np.stack([sensors[s][:, k] for s, k in zip(by, pose, strict=True)])
-        near, far = plane.distance_to(centres), plane.distance_to(virtual)
-        meets = centres + (near / (near - far))[:, None] * (virtual - centres)
+        meets = plane.met_between(centres, virtual)
         axes = tangent_basis(plane.normal).T
         flat = meets @ axes.T
         low, high = np.percentile(flat, (2.0, 98.0), axis=0)
@@ -270,12 +270,8 @@ def _glasses(tree: BodyTree, data: BodyDataset) -> dict[str, NDArray]:
 
 def _glass_items(path: str, plate: NDArray) -> list[Item]:
     """Return a mirror as a plate with an edge."""
-    faces, edge = np.array([[0, 1, 2], [0, 2, 3]]), palette.rgba(palette.MUTED)
     size = 0.004 * float(np.linalg.norm(np.ptp(plate, axis=0)))
-    return [
-        Surface(path=f"mirrors/{path}/glass", color=_GLASS, vertices=plate, faces=faces),
-        Tube(path=f"mirrors/{path}/edge", color=edge, points=plate, radius=size, closed=True),
-    ]
+    return plate_items(f"mirrors/{path}", plate, plate, _GLASS, size)
 
 
 def _legend(tree: BodyTree, *, cloud: bool) -> list[LegendEntry]:

@@ -30,6 +30,8 @@ SERVO_TYPE = 0
 ZERO_MARK = 0x4E49434F
 """Home register of a board whose zero is known: lost with power, exactly as the zero is."""
 _MARK_TOLERANCE = 1_000_000
+_MOVED = 50
+"""How far a motor may have moved before its new position is read [counts]."""
 
 
 @dataclass(frozen=True)
@@ -232,7 +234,7 @@ class PicServo:
         """
         return self.ask(nmc.SetHoming(mode), repeatable=not mode)
 
-    def set_position(self, position: int, tolerance: int = 50) -> Status:
+    def set_position(self, position: int) -> Status:
         """Call the place where the motor stands `position` [counts]. Not during a move.
 
         A lost reply is resolved by reading the position: only a command that was not carried out is
@@ -240,7 +242,6 @@ class PicServo:
 
         Args:
             position: New value of the register [counts].
-            tolerance: How far the motor may have moved before it is read again [counts].
 
         Raises:
             ServoFault: If the register does not take the value.
@@ -253,7 +254,7 @@ class PicServo:
                 self.ask(command)
             status = self.read(StatusItem.POSITION)
             found = status.position
-            if found is not None and abs(found - position) <= tolerance:
+            if found is not None and abs(found - position) <= _MOVED:
                 return status
         raise ServoFault(
             f"module {self.address} does not take position {position}, it stays at {found}: does "

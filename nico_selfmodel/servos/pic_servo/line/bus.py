@@ -1,12 +1,8 @@
 """The one owner of the port: a command out, the reply of that module in, whatever the line does."""
 
-import math
-import threading
-from collections import defaultdict
-
 from nico_selfmodel.errors import BusError
-from nico_selfmodel.servos.bus_settings import NOISY_FOR, BusSettings, NoReplyError
-from nico_selfmodel.servos.link_counts import LinkCounts, sum_of
+from nico_selfmodel.servos.bus_settings import BusSettings, NoReplyError
+from nico_selfmodel.servos.link_counts import LinkCounts
 from nico_selfmodel.servos.pic_servo.protocol.command_packets import encode_command, may_repeat
 from nico_selfmodel.servos.pic_servo.protocol.commands import (
     BAUD_CODES,
@@ -23,35 +19,19 @@ from nico_selfmodel.servos.pic_servo.protocol.status import (
     reply_length,
 )
 from nico_selfmodel.servos.pic_servo.protocol.trajectory import TICK
-from nico_selfmodel.servos.ports import Port, SerialPort
-from nico_selfmodel.with_blocks import ClosedAtEnd
+from nico_selfmodel.servos.port_owner import PortOwner
+from nico_selfmodel.servos.ports import SerialPort
 
 FLUSH = bytes(30)
 """Longer than the rest of any packet: ends a half-heard one with a wrong checksum."""
-_NOISE_LIMIT = 1.0
 
 
 class UncertainError(BusError):
     """The reply to a command that must not be repeated was lost: it may have been carried out."""
 
 
-class Bus(ClosedAtEnd):
+class Bus(PortOwner):
     """Exchanges with modules, one at a time, from any thread."""
-
-    def __init__(self, port: Port, settings: BusSettings | None = None) -> None:
-        """Take a port over; sends nothing.
-
-        Args:
-            port: An open port that nobody else reads or writes.
-            settings: How patient to be.
-        """
-        self.port = port
-        self.settings = settings or BusSettings()
-        self.counts: dict[int, LinkCounts] = defaultdict(LinkCounts)
-        """By address."""
-        self._lock = threading.RLock()
-        self._doubtful = True  # what the line did before is not known
-        self._damaged_at = -math.inf
 
     @classmethod
     def open(cls, name: str, rate: int = 19200, settings: BusSettings | None = None) -> "Bus":
@@ -67,19 +47,10 @@ class Bus(ClosedAtEnd):
         """
         return cls(SerialPort(name, rate), settings)
 
-    def close(self) -> None:
-        """Give the port back; never fails."""
-        self.port.close()
-
     @property
     def rate(self) -> int:
         """Rate of the line [baud]."""
         return self.port.rate
-
-    @property
-    def noisy(self) -> bool:
-        """Whether the line damaged something lately: a checksum alone is not trusted then."""
-        return self.port.now() - self._damaged_at < NOISY_FOR
 
     def exchange(
         self,
@@ -89,7 +60,6 @@ class Bus(ClosedAtEnd):
         *,
         repeatable: bool | None = None,
         attempts: int | None = None,
-        answering: int | None = None,
     ) -> Status:
         """Send a command to one module (or a group with a leader) and return its reply.
 
@@ -100,7 +70,6 @@ class Bus(ClosedAtEnd):
             repeatable: Whether the command may be sent again when its reply is lost; as the
                 command itself says if omitted.
             attempts: How often to send it at most, instead of the settings'.
-            answering: Under which address to count, if not `address`.
 
         Returns:
             The reply, undamaged, and of a command that the module did carry out.
@@ -113,20 +82,12 @@ class Bus(ClosedAtEnd):
         packet = encode_command(address, command)
         again = may_repeat(command) if repeatable is None else repeatable
         with self._lock:
-            counts = self.counts[address if answering is None else answering]
-            return self._persist(
-                packet, items, counts, again, attempts or self.settings.attempts, address
-            )
+            return self._persist(packet, items, again, attempts or self.settings.attempts, address)
 
     def _persist(
-        self,
-        packet: bytes,
-        items: int,
-        counts: LinkCounts,
-        again: bool,
-        attempts: int,
-        address: int,
+        self, packet: bytes, items: int, again: bool, attempts: int, address: int
     ) -> Status:
+        counts = self.counts[address]
         failure: BusError | None = None
         for attempt in range(attempts):
             if self._doubtful:
@@ -173,8 +134,7 @@ class Bus(ClosedAtEnd):
         try:
             status = decode_status(items, reply)
         except DamagedPacketError:
-            counts.damaged += 1
-            self._damaged_at = self.port.now()
+            self._note_damage(counts)
             if reply.startswith(packet[:length]):
                 raise BusError(
                     f"{self.port.name} sends back what is written to it: the adapter echoes; "
@@ -233,14 +193,7 @@ class Bus(ClosedAtEnd):
         """Read until nothing has come for as long as the longest reply could take."""
         quiet = 20 * 10 / self.port.rate + 2 * TICK + 2 * self.settings.latency
         quiet += self.settings.slack / 4
-        stray, until = 0, self.port.now() + _NOISE_LIMIT
-        while arrived := self.port.read(1, quiet):
-            stray += len(arrived) + len(self.port.read(4096, 0.0))
-            if self.port.now() > until:
-                raise BusError(
-                    f"{self.port.name} never gets quiet: check the baud rate and the wiring"
-                )
-        return stray
+        return self._until_quiet(quiet)
 
     def wait(self, seconds: float) -> None:
         """Let time of the port pass; what arrives meanwhile stays for the next reader."""
@@ -266,7 +219,3 @@ class Bus(ClosedAtEnd):
             self._doubtful = True
             for address in addresses:
                 self.exchange(address, ReadStatus(StatusItem.DEVICE), StatusItem.DEVICE)
-
-    def total(self) -> LinkCounts:
-        """Return the sum of the counts of all modules."""
-        return sum_of(list(self.counts.values()))

@@ -92,23 +92,27 @@ class SetAddress:
 
 
 @dataclass(frozen=True)
-class DefineStatus:
-    """Choose what every reply from now on carries, this command's own among them."""
-
-    code: ClassVar[int] = 0x2
+class _OneByte:
     lengths: ClassVar[tuple[int, ...]] = (1,)
     repeatable: ClassVar[bool] = True
-    items: int
-    """A mask of `StatusItem`."""
+    mode: int
 
     def payload(self) -> bytes:
         """Return its data byte."""
-        return bytes([self.items])
+        return bytes([self.mode])
 
     @classmethod
     def from_payload(cls, data: bytes) -> Self:
         """Return the command of one data byte."""
         return cls(data[0])
+
+
+@dataclass(frozen=True)
+class DefineStatus(_OneByte):
+    """Choose what every reply from now on carries, this command's own among them."""
+
+    code: ClassVar[int] = 0x2
+    # mode: a mask of `StatusItem`
 
 
 @dataclass(frozen=True)
@@ -208,23 +212,11 @@ class OutputMode(IntFlag):
 
 
 @dataclass(frozen=True)
-class IoControl:
+class IoControl(_OneByte):
     """Choose how the board drives its motor."""
 
     code: ClassVar[int] = 0x8
-    lengths: ClassVar[tuple[int, ...]] = (1,)
-    repeatable: ClassVar[bool] = True
-    mode: int
-    """A combination of `OutputMode`."""
-
-    def payload(self) -> bytes:
-        """Return its data byte."""
-        return bytes([self.mode])
-
-    @classmethod
-    def from_payload(cls, data: bytes) -> Self:
-        """Return the command of one data byte."""
-        return cls(data[0])
+    # mode: a combination of `OutputMode`
 
 
 class HomingMode(IntFlag):
@@ -241,7 +233,7 @@ class HomingMode(IntFlag):
 
 
 @dataclass(frozen=True)
-class SetHoming(IoControl):
+class SetHoming(_OneByte):
     """Arm the capture of the home position; the motion itself is a trajectory."""
 
     code: ClassVar[int] = 0x9
@@ -255,7 +247,7 @@ BAUD_OF_CODE = {127: 9600, 129: 9600, 63: 19200, 64: 19200, 20: 57600, 21: 57600
 
 
 @dataclass(frozen=True)
-class SetBaud(IoControl):
+class SetBaud(_OneByte):
     """Change the rate of the line at once; to a group that has no leader, so that none answers."""
 
     code: ClassVar[int] = 0xA

@@ -170,7 +170,7 @@ class SimulatedModule:
             The reply, or None where there is none.
         """
         handler = getattr(self, f"_do_{type(command).__name__}", None)
-        items = command.items if isinstance(command, nmc.DefineStatus) else self.items
+        items = command.mode if isinstance(command, nmc.DefineStatus) else self.items
         if handler is not None:
             handler(command)
         if isinstance(command, nmc.HardReset):
@@ -229,7 +229,7 @@ class SimulatedModule:
         self.was_addressed = True
 
     def _do_DefineStatus(self, command: nmc.DefineStatus) -> None:
-        self.items = command.items
+        self.items = command.mode
 
     def _do_LoadTrajectory(self, command: LoadTrajectory) -> None:
         last = self.buffered
