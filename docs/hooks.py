@@ -153,14 +153,16 @@ def _run(*words: str | Path) -> str:
         PluginError: If it fails.
     """
     places = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
-    done = subprocess.run(
-        [sys.executable, *map(str, words)],
-        capture_output=True,
-        text=True,
-        timeout=LONGEST_S,
-        env={**os.environ, "PYTHONPATH": places, "OMP_NUM_THREADS": "1"},
-        check=False,
-    )
+    with tempfile.TemporaryDirectory() as folder:  # what an example writes is not the project's
+        done = subprocess.run(
+            [sys.executable, *map(str, words)],
+            capture_output=True,
+            text=True,
+            timeout=LONGEST_S,
+            env={**os.environ, "PYTHONPATH": places, "OMP_NUM_THREADS": "1"},
+            cwd=folder,
+            check=False,
+        )
     if done.returncode != 0:
         raise PluginError(f"{words} failed: {done.stderr[-2000:]}")
     return done.stdout

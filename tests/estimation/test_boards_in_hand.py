@@ -18,7 +18,7 @@ from nico_selfmodel.estimation.tree.boards.board_pose import board_poses_seen
 from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
-from nico_selfmodel.estimation.tree.tree_errors import errors_of
+from nico_selfmodel.estimation.tree.tree_errors import beside_boards, errors_of
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
@@ -287,6 +287,18 @@ def with_boards(sim, boards=10, seed=0):
         np.hstack([readings, np.full((len(readings), 1), np.nan)]),
         table,
     )
+
+
+def test_samples_that_show_no_board_are_predicted_wherever_it_is():
+    sim = two_arms(2, torso=0, poses=4)
+    data = with_boards(sim, boards=2)
+    tree = beside_boards(sim.tree, data)
+    parameters, arms = TreeParameters(tree), TreeParameters(sim.tree)
+    alone = TreeObservations.of(data.select(data.sample < 4))
+    r = TreeResiduals(alone, parameters).residuals(parameters.values_of(tree))
+    seen = TreeObservations.of(sim.data)
+    same = TreeResiduals(seen, arms).residuals(arms.values_of(sim.tree))
+    assert_allclose(r, same, atol=1e-9)
 
 
 @pytest.mark.slow

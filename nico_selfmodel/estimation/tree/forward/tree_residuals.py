@@ -132,6 +132,8 @@ class TreeResiduals:
         self, tree: BodyTree, flanges: NDArray, rounds: int = SETTLING_ROUNDS
     ) -> tuple[NDArray, NDArray]:
         seen = self._boards
+        if not seen.sensors:  # samples that show no board: nothing depends on where it is
+            return flanges, np.zeros(len(flanges))
         free, sigma = seen.data.free_joints, seen.stated_sigma[seen.noise_group]
         columns = np.flatnonzero(seen.unread)
 
