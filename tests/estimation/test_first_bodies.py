@@ -10,6 +10,7 @@ from nico_selfmodel.dataset.body.joining import joined
 from nico_selfmodel.dataset.body.sensors import MarkerInfo, SensorInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.judging import judge, result_of
+from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints, body_from_points
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_setup import Description
 from nico_selfmodel.geometry.transform import transform
@@ -66,6 +67,17 @@ def apart(found, tree, first):
     true, now = seen(tree), seen(found.tree)
     size = np.linalg.norm(list(true.values())) / np.linalg.norm(list(now.values()))
     return max(np.linalg.norm(true[n] - size * now[n]) for n in true)
+
+
+def test_markers_by_which_no_joint_is_searched_are_placed_once_joints_are_known():
+    made = one_arm(4, markers=40, poses=30, joint_sigma=0.0, sigma={"points": 1e-5})
+    table = made.data.observations
+    seen = SeenPoints(table.pose, table.marker, table.values[:, :3])
+    found = body_from_points(made.data, made.tree, seen, seed=0)
+    there = TreeMotion.at(found, made.data.si_readings).points(table.marker, table.pose)
+    off = np.linalg.norm(there - seen.p_WM, axis=1)
+    each = [np.median(off[table.marker == m]) for m in range(40)]
+    assert max(each) < 3e-4
 
 
 @pytest.mark.slow
