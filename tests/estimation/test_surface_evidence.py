@@ -53,7 +53,7 @@ def view(look, side, off, depth, labels):
     one = np.tile(np.eye(3), (len(known), 1, 1))
     places = np.sum(off**2, axis=2)
     poses = {HEAD: X_WH}
-    return SurfaceView(look, side, MIRRORS[look], places, known, one, depth, labels, poses)
+    return SurfaceView(side, MIRRORS[look], places, known, one, depth, labels, poses)
 
 
 PAINT = np.array([0.6, 0.0, -0.8])
@@ -109,7 +109,7 @@ def test_a_place_that_all_pictures_tell_together_surprises_in_each_of_them():
     for k in range(0, len(pixels), 90):
         found = views([0.0] * 4, np.random.default_rng(6), surprise=1e-6)
         for view in found:
-            u, v = MIRRORS[view.look].project(p_WQ[k])[2 * view.side : 2 * view.side + 2]
+            u, v = view.rig.project(p_WQ[k])[2 * view.side : 2 * view.side + 2]
             number = np.cumsum(np.isfinite(view.places)).reshape(SHAPE)[round(v), round(u)] - 1
             view.places[round(v), round(u)] = 30.0
             view.off[number] = np.sqrt(30.0) * PAINT
@@ -151,7 +151,9 @@ def test_what_only_one_look_shows_is_not_found_where_the_other_judges():
 @pytest.mark.parametrize(("off", "counts"), [(0.006, True), (0.014, False)])
 def test_what_stands_before_or_behind_a_place_is_not_that_place(off, counts):
     found = views([60.0, 60.0, 0.0, 0.0], np.random.default_rng(3))
-    aside = [view if view.look == 0 else replace(view, depth=view.depth - off) for view in found]
+    aside = [
+        view if view.rig is MIRRORS[0] else replace(view, depth=view.depth - off) for view in found
+    ]
     # The second look contradicts the first where it shows the same place.
     assert bool(together(aside)[0].any()) is not counts
 

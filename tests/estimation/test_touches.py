@@ -2,6 +2,7 @@
 
 import csv
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.results.calibration_result import FAILURE
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
+from nico_selfmodel.estimation.tree.contradictions.contradiction_words import missed_touches
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_errors import errors_of
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
@@ -215,6 +217,14 @@ def test_touches_noted_at_poses_that_touched_nothing_fail_and_are_named(at_a_pla
     mixed = replace(data, observations=replace(table, pose=pose))
     failed = tree_result(calibrate_tree(mixed, effects=())).texts(FAILURE)
     assert any("what 'table' tells is missed by" in said for said in failed)
+
+
+@pytest.mark.parametrize(("off", "named"), [(0.0299, 0), (0.0301, 1)])
+def test_touches_that_are_missed_by_three_hundredths_of_the_body_tell_nothing(off, named):
+    left = SimpleNamespace(of_touches=lambda keep: {"table": np.full(int(keep.sum()), 2.0 * off)})
+    solution = SimpleNamespace(outliers=np.array([False, False, True]))
+    found = missed_touches(SimpleNamespace(train=left, solution=solution, size=2.0))
+    assert len(found) == named
 
 
 def test_touches_alone_correct_a_robot_that_is_described():

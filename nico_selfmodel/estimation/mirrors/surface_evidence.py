@@ -22,8 +22,6 @@ _SAME = 0.01
 class SurfaceView:
     """One camera's picture of the own body in a mirror."""
 
-    look: int
-    """Which look it belongs to: those of one look are of the same moment."""
     side: int
     """Which camera, 0 or 1."""
     rig: MirrorRig

@@ -143,7 +143,7 @@ class MarkFinder:
     def _views(self, names: Sequence[str], looks: Sequence[Pair]) -> list[SurfaceView]:
         """Return all pictures as views of the own surface."""
         views = []
-        for k, (name, pair) in enumerate(zip(names, looks, strict=True)):
+        for name, pair in zip(names, looks, strict=True):
             rig = MirrorRig(self._known.model.rig, self._known.mirror(name))
             posed = self._image.poses(pair[0].readings)
             poses = {number: posed[link] for number, link in self._image.links.items()}
@@ -151,7 +151,7 @@ class MarkFinder:
                 own = look.surprise
                 assert own.off is not None
                 assert own.covariance is not None
-                views.append(SurfaceView(k, side, rig, own.chi_square, own.off, own.covariance,
+                views.append(SurfaceView(side, rig, own.chi_square, own.off, own.covariance,
                                          look.depth, look.labels, poses))  # fmt: skip
         return views
 

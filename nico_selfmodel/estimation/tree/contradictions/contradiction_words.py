@@ -58,7 +58,7 @@ def contradiction_findings(calibration: TreeCalibration) -> list[Finding]:
         found.append(Finding(FAILURE, text))
     # A known body is held against poses as what it knows of noise and itself tells.
     poses = [] if calibration.anew else _of_poses(calibration)
-    return [*found, *poses, *_of_touches(calibration)]
+    return [*found, *poses, *missed_touches(calibration)]
 
 
 def _of_poses(calibration: TreeCalibration) -> list[Finding]:
@@ -82,8 +82,12 @@ def _of_poses(calibration: TreeCalibration) -> list[Finding]:
     ]
 
 
-def _of_touches(calibration: TreeCalibration) -> list[Finding]:
-    """Say which touches and distances are missed by what is no noise."""
+def missed_touches(calibration: TreeCalibration) -> list[Finding]:
+    """Say which touches and distances are missed by what is no noise.
+
+    Args:
+        calibration: What was learned.
+    """
     left = calibration.train.of_touches(~calibration.solution.outliers)
     missed = {name: float(np.sqrt(np.mean(far**2))) for name, far in left.items()}
     return [
