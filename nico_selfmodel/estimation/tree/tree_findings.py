@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset.body.sensors import CAMERA
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.sensors import CAMERA, SIGHTS
 from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
 from nico_selfmodel.estimation.diagnosis.flatness import bent_reasons
 from nico_selfmodel.estimation.diagnosis.gear_check import gear_words
@@ -42,6 +43,8 @@ _LOUD = 2.0
 """Times the noise of others from which on that of a joint is named."""
 _FEWEST_TOLD = 10.0
 """Parts of a description that tell its standard deviation, to 22 in 100."""
+_WHOLE_SIGHT = 4
+"""Outliers of one sight, and nothing else of it, from which on it is named and not its markers."""
 _OUTLIERS_NAMED = 2
 """Outliers of one marker from which on it is named."""
 SCALE = (
@@ -296,23 +299,40 @@ def _alike_words(calibration: TreeCalibration) -> list[str]:
 
 
 def _outlier_words(calibration: TreeCalibration) -> list[str]:
-    """Name markers whose observations contradict the rest."""
-    table = calibration.data.observations
-    counts = np.bincount(
-        table.marker[calibration.solution.outliers], minlength=len(calibration.data.markers)
-    )
-    named = [
+    """Name sights of which all contradicts the rest, and markers of other such observations."""
+    table, outliers = calibration.data.observations, calibration.solution.outliers
+    sights, whole = _sights_off(calibration.data, outliers)
+    single = table.marker[outliers & ~whole]
+    counts = np.bincount(single, minlength=len(calibration.data.markers))
+    named = sights + [
         f"{marker.name} ({count})"
         for marker, count in zip(calibration.data.markers, counts.tolist(), strict=True)
         if count >= _OUTLIERS_NAMED
     ]
     if not named:
         return []
-    total = int(calibration.solution.outliers.sum())
+    which = " and which mirror they were seen in" if any(table.mirror[whole]) else ""
     return [
-        f"{total} of {len(table)} observations contradict the rest and were left out: "
-        f"{listed(named)}; check their labels"
+        f"{int(outliers.sum())} of {len(table)} observations contradict the rest and were left "
+        f"out: {listed(named)}; check their labels{which}"
     ]
+
+
+def _sights_off(data: BodyDataset, outliers: NDArray) -> tuple[list[str], NDArray]:
+    """Return sights of several markers of which none was kept, in words, and their rows."""
+    table, mirrors = data.observations, ("", *data.mirrors)
+    told = np.array([data.sensors[s].kind in SIGHTS for s in table.sensor])
+    of = np.stack([table.pose, table.sensor, np.searchsorted(mirrors, table.mirror)], axis=1)
+    sights, number, count = np.unique(of, axis=0, return_inverse=True, return_counts=True)
+    number = number.ravel()
+    gone = np.bincount(number, outliers & told, minlength=len(sights)) == count
+    off = gone & (count >= _WHOLE_SIGHT)
+    words = [
+        f"all that {data.sensors[sensor].name!r} saw in "
+        f"{f'mirror {mirrors[mirror]!r} in ' if mirror else ''}sample {data.sample[pose]}"
+        for pose, sensor, mirror in sights[off].tolist()
+    ]
+    return words, off[number]
 
 
 def _held_out_words(calibration: TreeCalibration, test: TreeErrors) -> str:

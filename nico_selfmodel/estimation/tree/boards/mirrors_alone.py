@@ -39,6 +39,9 @@ _TURNS, _TRIED = 36, 4
 """Turns about the common axis, and how many of the best starts are followed."""
 _MOST_BOARDS = 8
 """Boards that a start looks at."""
+_FEWEST_BOARDS, _BETTER = 3, 4.0
+"""Boards that are kept at least, and times less that is left without a board that contradicts them:
+its rows may name another mirror."""
 
 
 def mirrors_alone(
@@ -55,14 +58,15 @@ def mirrors_alone(
     Raises:
         NotIdentifiableError: If there are no three mirrors whose normals point three ways.
     """
-    views = _Views.of(virtual)
-    best, least = np.zeros((len(views.names), 3)), np.inf
-    starts = sorted(views.starts(), key=views.misfit) if len(views.names) > 2 else []
-    for normals in starts[:_TRIED]:
-        normals = views.refined(normals)
-        misfit = views.misfit(normals)
-        if misfit < least:
-            best, least = normals, misfit
+    views, aside = _Views.of(virtual), set[int]()
+    best, least = views.solved()
+    while least > 1.0 and len(views.boards) > _FEWEST_BOARDS:
+        others = [(*views.without(board).solved(), board) for board in views.boards]
+        normals, misfit, board = min(others, key=lambda one: one[1])
+        if misfit * _BETTER > least:
+            break
+        best, least, views = normals, misfit, views.without(board)
+        aside.add(board)
     triples = combinations(range(len(best)), 3)
     if max((abs(np.linalg.det(best[list(t)])) for t in triples), default=0.0) < _FLAT:
         raise NotIdentifiableError(
@@ -70,7 +74,10 @@ def mirrors_alone(
             "must show the same boards, and their normals must not lie in one plane; turn one of "
             "them, or show the board directly, too"
         )
-    return _Views.of(virtual, None).placed(best)
+    every = _Views.of(virtual, None)
+    for board in aside:
+        every = every.without(board)
+    return every.placed(best)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +112,25 @@ class _Views:
         ]
         mirror, board, X = zip(*rows, strict=True)
         return cls(tuple(virtual), np.array(mirror), np.array(board), tuple(chosen), np.stack(X))
+
+    def without(self, board: int) -> "_Views":
+        """Return the views of all boards but one, which is no index into `boards`."""
+        k = self.boards.index(board)
+        kept = self.board != k
+        number = self.board[kept] - (self.board[kept] > k)
+        boards = (*self.boards[:k], *self.boards[k + 1 :])
+        return _Views(self.names, self.mirror[kept], number, boards, self.X[kept])
+
+    def solved(self) -> tuple[NDArray, float]:
+        """Return the normals that fit best, (M, 3), and their mean square, in about its sigma."""
+        best, least = np.zeros((len(self.names), 3)), np.inf
+        starts = sorted(self.starts(), key=self.misfit) if len(self.names) > 2 else []
+        for normals in starts[:_TRIED]:
+            normals = self.refined(normals)
+            misfit = self.misfit(normals) / max(len(self.X), 1)
+            if misfit < least:
+                best, least = normals, misfit
+        return best, least
 
     def starts(self) -> Iterator[NDArray]:
         """Yield normals to begin with. Shape (M, 3)."""

@@ -17,7 +17,8 @@ _SETTLED = 1e-12
 """Part of a sample's sum of squares below which a step that promises no more is not taken."""
 _EXACT = 1e-14
 """Mean square, in the sensors' variances, below which residuals are those of rounding."""
-_DAMPING, _MOST_DAMPING = 1e-4, 1e6
+_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-12, 1e6
+"""At first; what a board that has gone far away, where nothing moves its image, needs; and most."""
 
 Evaluate = Callable[[NDArray], tuple[NDArray, NDArray]]
 """Whole poses by joint, (P, n, 4, 4), to residuals in their sensors' sigmas, (R,), and their
@@ -43,7 +44,7 @@ def settled_poses(
     Returns:
         The poses, shape (P, n, 4, 4), and each sample's sum of squares, shape (P,).
     """
-    count, m = len(flanges), 6 * len(free)
+    count = len(flanges)
     damping = np.full(count, _DAMPING)
     r, A = evaluate(flanges)
     cost = np.bincount(sample, r * r, minlength=count)
@@ -54,9 +55,7 @@ def settled_poses(
         going &= ~_flat(H, g, cost)
         if not going.any():
             break
-        diagonal = np.einsum("kii->ki", H)
-        H = H + np.eye(m) * (damping[:, None] * diagonal + (diagonal == 0.0))[:, None, :]
-        step = -np.linalg.solve(H, g[:, :, None])[:, :, 0] * going[:, None]
+        step = -_solved(H, g, damping) * going[:, None]
         tried = _moved(flanges, free, step)
         now, slopes = evaluate(tried)
         fresh = np.bincount(sample, now * now, minlength=count)
@@ -65,7 +64,7 @@ def settled_poses(
         kept = better[sample]
         r, A = np.where(kept, now, r), np.where(kept[:, None], slopes, A)
         small = cost - fresh < _SETTLED * cost
-        damping = np.where(better, damping / 10.0, damping * 10.0)
+        damping = np.maximum(np.where(better, damping / 10.0, damping * 10.0), _LEAST_DAMPING)
         going &= (better & ~small) | (~better & (damping < _MOST_DAMPING))
         cost = np.where(better, fresh, cost)
         going &= cost > exact
@@ -76,9 +75,16 @@ def settled_poses(
 
 def _flat(H: NDArray, g: NDArray, cost: NDArray) -> NDArray:
     """Whether no step promises to gain anything: g'H^-1 g. Boolean, shape (P,)."""
-    H = H + np.eye(g.shape[1]) * (np.einsum("kii->ki", H) == 0.0)[:, None, :]
-    gain = np.sum(g * np.linalg.solve(H, g[:, :, None])[:, :, 0], axis=1)
+    gain = np.sum(g * _solved(H, g, np.full(len(H), _LEAST_DAMPING)), axis=1)
     return np.asarray(gain <= _SETTLED * cost)
+
+
+def _solved(H: NDArray, g: NDArray, damping: NDArray) -> NDArray:
+    """Return (H + damping diag H)^-1 g, 0 along what nothing moves. Shape (P, m)."""
+    diagonal = np.einsum("kii->ki", H)
+    added = damping[:, None] * diagonal + (diagonal == 0.0)
+    H = H + np.eye(g.shape[1]) * added[:, None, :]
+    return np.asarray(np.linalg.solve(H, g[:, :, None])[:, :, 0])
 
 
 def _by_sample(r: NDArray, A: NDArray, sample: NDArray, count: int) -> tuple[NDArray, NDArray]:

@@ -11,6 +11,7 @@ from nico_selfmodel.estimation.tree.contradictions.held_scores import (
     severity_of,
 )
 from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
+from nico_selfmodel.estimation.tree.contradictions.views_apart import views_apart
 from nico_selfmodel.estimation.tree.contradictions.wrong_readings import (
     poses_off,
     read_wrongly,
@@ -42,10 +43,10 @@ def contradiction_findings(calibration: TreeCalibration) -> list[Finding]:
     residuals = TreeResiduals(calibration.train.observations, calibration.parameters)
     seen, solution = residuals.observations, calibration.solution
     sliding = _sliding(calibration)
+    linear = residuals.linear(calibration.values)
     found = [*sliding, *_of_sensors(calibration, lengths=not sliding)]
-    for joint, (wrong, of) in read_wrongly(
-        residuals.linear(calibration.values), seen, solution
-    ).items():
+    found += views_apart(linear, seen, solution.outliers)
+    for joint, (wrong, of) in read_wrongly(linear, seen, solution).items():
         cause = "check its unit and sign, whether another joint drives it (`follows`), and whether "
         cause = dead_encoders(calibration.data, [joint]) or f"{cause}it slips"
         text = f"readings of joint {joint!r} would be wrong in {wrong} of {of} poses: {cause}"
