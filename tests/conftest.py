@@ -2,6 +2,7 @@
 
 import contextlib
 import gc
+import importlib
 import io
 import os
 import signal
@@ -22,11 +23,30 @@ import pytest
 from nico_selfmodel.cli.main import main
 
 # The clock of a busy machine is no property of the code. CI must not depend on the day's luck.
-hypothesis.settings.register_profile("project", deadline=None, derandomize="CI" in os.environ)
+quiet = hypothesis.settings(deadline=None, derandomize="CI" in os.environ)
+hypothesis.settings.register_profile("project", quiet, max_examples=40)
+hypothesis.settings.register_profile("thorough", quiet, max_examples=200)
 hypothesis.settings.load_profile("project")
 
 # Nothing that is imported or collected is ever let go: to look for it takes a quarter of the time.
 gc.disable()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection(session):
+    """Let each of several processes load the tests from elsewhere on, if all are to be run.
+
+    In a fresh checkout each has a part to compile, which the others then find compiled.
+    """
+    worker = getattr(session.config, "workerinput", None)
+    if worker is None or session.config.args_source is not pytest.Config.ArgsSource.TESTPATHS:
+        return
+    paths = sorted(PROJECT_ROOT.glob("tests/*/test_*.py"))
+    first = len(paths) * int(worker["workerid"].removeprefix("gw")) // worker["workercount"]
+    for path in (*paths[first:], *paths[:first]):
+        # What is wrong with one is told where it is collected.
+        with contextlib.suppress(Exception, pytest.skip.Exception):
+            importlib.import_module(".".join(path.relative_to(PROJECT_ROOT).with_suffix("").parts))
 
 
 def pytest_collection_finish():

@@ -8,7 +8,6 @@ from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint, WeldJoi
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.names import listed
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
-from nico_selfmodel.plant.urdf_document import child, children, read_document, robot_element
 
 _ROUNDING = 1e-6
 """How far beyond a limit a held value may lie: limits are often written with few digits."""
@@ -120,10 +119,7 @@ def _stands_still(joint: Joint, held: Mapping[str, float]) -> bool:
 
 
 def _refuse_mimics(tree: KinematicTree, learned: list[RevoluteJoint]) -> None:
-    # Drake's joints do not tell whether they follow another one.
-    elements = children(robot_element(read_document(tree.urdf)), "joint")
-    mimics = {e.getAttribute("name") for e in elements if child(e, "mimic") is not None}
-    following = [joint.name() for joint in learned if joint.name() in mimics]
+    following = [joint.name() for joint in learned if joint.name() in tree.mimics]
     if following:
         raise ModelError(
             f"joint {listed(following)} mimics another joint and cannot be learned on its own: "

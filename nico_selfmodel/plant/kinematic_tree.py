@@ -16,7 +16,7 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.files.reading import real_path
 from nico_selfmodel.names import listed
 from nico_selfmodel.plant.urdf_checks import WORLD, check_urdf
-from nico_selfmodel.plant.urdf_document import read_document
+from nico_selfmodel.plant.urdf_document import child, children, read_document, robot_element
 
 _LITERAL = re.compile(r"<literal-string>\.urdf:\d*:?\s*")
 """How Drake names the place in what it read from a text."""
@@ -79,6 +79,8 @@ class KinematicTree:
     """The robot's model instance."""
     joint_above: Mapping[str, Joint]
     """Link -> the joint that it hangs on; roots have none."""
+    mimics: frozenset[str]
+    """Joints that follow another one, which Drake's joints do not tell."""
 
     @classmethod
     def from_urdf(cls, urdf: Path) -> "KinematicTree":
@@ -89,11 +91,14 @@ class KinematicTree:
         """
         if urdf.suffix.lower() != ".urdf":
             raise ModelError(f"{urdf} is not a URDF: its name must end with .urdf")
-        check_urdf(read_document(urdf), urdf)
+        document = read_document(urdf)
+        check_urdf(document, urdf)
+        elements = children(robot_element(document), "joint")
+        mimics = frozenset(e.getAttribute("name") for e in elements if child(e, "mimic"))
         plant = MultibodyPlant(0.0)
         instance = parse(plant, urdf)
         joint_above = {joint.child_body().name(): joint for joint in robot_joints(plant, instance)}
-        tree = cls(urdf, plant, instance, joint_above)
+        tree = cls(urdf, plant, instance, joint_above, mimics)
         if not tree.links:
             raise ModelError(f"{urdf} describes a robot without links")
         try:

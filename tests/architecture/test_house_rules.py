@@ -104,7 +104,7 @@ def test_everything_that_is_defined_is_used_in_the_house_or_shown_in_a_document(
     nodes = [
         (source.path, node)
         for source in built
-        for node in ast.walk(source.tree)
+        for node in source.nodes
         if isinstance(node, ast.FunctionDef | ast.ClassDef)
     ]
     classes = {node.name for _, node in nodes if isinstance(node, ast.ClassDef)}
@@ -129,7 +129,7 @@ def test_annotations_are_not_postponed(sources):
     postponed = [
         str(source.path)
         for source in sources
-        for node in ast.walk(source.tree)
+        for node in source.nodes
         if isinstance(node, ast.ImportFrom) and node.module == "__future__"
     ]
     assert postponed == []

@@ -13,7 +13,7 @@ def documented_ports(sources):
     for source in sources:
         if source.room != "systems":
             continue
-        for node in ast.walk(source.tree):
+        for node in source.nodes:
             text = ast.get_docstring(node) if isinstance(node, ast.ClassDef) else None
             for names, direction, words in ROW.findall(text or ""):
                 for name in re.findall(r"`(\w+)`", names):

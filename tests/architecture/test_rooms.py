@@ -6,6 +6,7 @@ import-linter sees `pydrake` as one package; here each part of Drake has its roo
 import ast
 import sys
 import tomllib
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 
 # What a room may import besides the standard library and the floors below it.
@@ -73,6 +74,7 @@ ALLOWED = {
 }
 
 
+@cache
 def imported_modules(tree):
     """Return (line, dotted module) of every absolute import, wherever in the file it stands."""
     found = []
@@ -132,7 +134,7 @@ def test_no_room_hides_an_import_from_the_contracts(sources):
         f"{source.path}:{node.lineno}"
         for source in sources
         if source.path.name != "lazy.py"  # what it loads, the faces import for type checkers
-        for node in ast.walk(source.tree)
+        for node in source.nodes
         if (isinstance(node, ast.Attribute) and node.attr == "import_module")
         or (isinstance(node, ast.Name) and node.id in {"import_module", "__import__"})
     ]

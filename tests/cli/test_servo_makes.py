@@ -22,7 +22,7 @@ JOINT = """
 CODE = "from nico_selfmodel.cli.main import main; main()"
 
 
-@pytest.fixture(params=SDKS)
+@pytest.fixture(params=slow_rest(SDKS))
 def make(request):
     pytest.importorskip(SDKS[request.param])
     return request.param

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -33,6 +33,7 @@ def link_shapes(draw, link):
     )
 
 
+@settings(max_examples=35)  # of three shapes each
 @given(st.data())
 def test_every_shape_survives_the_round_trip_to_the_last_bit(tmp_path_factory, data):
     folder = tmp_path_factory.mktemp("shape") / "body"

@@ -121,14 +121,22 @@ def self_model(chain: Chain, unit: str = "counts", like: DhTable | None = None) 
     return SelfModel("individual", DhTable.from_chain(chain, like), servos)
 
 
-@pytest.fixture
-def describe(tmp_path):
+@pytest.fixture(scope="session")
+def describe(tmp_path_factory):
     """Return a function that describes one of the arms by its kind."""
+    folder = tmp_path_factory.mktemp("robots")
+    read = {}
 
     def arm(kind: str, **changes) -> ArmDescription:
+        key = kind, repr(changes)
+        if key not in read:
+            read[key] = described(kind, changes)
+        return read[key]
+
+    def described(kind: str, changes: dict) -> ArmDescription:
         if kind in NICO:
             return ArmDescription.named("nico", kind)
-        urdf = Path(tmp_path / f"{kind}.urdf")
+        urdf = Path(folder / f"{kind}.urdf")
         urdf.write_text(random_urdf(kind))
         choice = {
             "tip_link": "tip",

@@ -1,5 +1,6 @@
 """Model directives that name a self-model: what they add, and what they refuse."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,7 @@ def scene(tmp_path, describe, build_individual, learn):
     save_model(SelfModel("nobody's", learned.table, learned.servo_map), tmp_path / "nobody.yaml")
     save_model(learn(describe("neck").chain), tmp_path / "neck.yaml")
     (tmp_path / "table.urdf").write_text(TABLE)
+    shutil.copy(arm.urdf, tmp_path)
 
     def write(text: str) -> Path:
         path = tmp_path / "scene.yaml"

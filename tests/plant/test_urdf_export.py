@@ -187,11 +187,13 @@ def test_without_a_description_the_arm_is_drawn_along_its_axes(
     assert drake_warnings == []
 
 
-def test_a_tracked_link_with_a_body_stays_and_its_frame_moves(describe, learn, build_individual):
+def test_a_tracked_link_with_a_body_stays_and_its_frame_moves(
+    describe, learn, build_individual, tmp_path
+):
     arm = describe("six", points={"ball": "ball", "tip": "tip"})
     model = learn(build_individual(arm.chain, 13))
     text = learned_urdf(model, arm)
-    again = arm.urdf.with_name("again.urdf")
+    again = tmp_path / "again.urdf"
     again.write_text(text)
     at_hand, at_tip = (
         ArmDescription.from_urdf(

@@ -17,6 +17,7 @@ from nico_selfmodel.servos.pic_servo.line.bus import Bus
 from nico_selfmodel.servos.ports import PortLostError, SerialPort
 from nico_selfmodel.servos.simulated.hand import SimulatedHand
 
+from ..slow_rest import slow_rest
 from .arms import JOINTS, MAKES, addressed_modules, configuration, stopped, wait_for
 
 HOST = """
@@ -48,7 +49,7 @@ def bus():
         yield simulated
 
 
-@pytest.fixture(params=MAKES)
+@pytest.fixture(params=slow_rest(MAKES))
 def any_bus(request):
     """Return a bus of each make, and the configuration of its motors."""
     baud = 115200 if request.param == "pic-servo" else 1_000_000
