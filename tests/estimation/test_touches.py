@@ -14,6 +14,7 @@ from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.results.calibration_result import FAILURE
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
+from nico_selfmodel.estimation.tree import tree_findings
 from nico_selfmodel.estimation.tree.contradictions.contradiction_words import missed_touches
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_errors import errors_of
@@ -183,6 +184,12 @@ def test_the_distance_at_which_hands_meet_is_found():
     assert judge(tree_result(found)).status == "NOT_EVALUATED"
 
 
+def only_observed(data):
+    """What a calibration says of observations, without one."""
+    observed = SimpleNamespace(observations=TreeObservations.of(data))
+    return SimpleNamespace(data=data, train=observed)
+
+
 def test_twenty_poses_with_touches_tell_their_standard_deviation_and_fewer_do_not(at_a_plane):
     data = at_a_plane[1]
     touched = np.flatnonzero(data.observations.sensor == 1)
@@ -190,9 +197,12 @@ def test_twenty_poses_with_touches_tell_their_standard_deviation_and_fewer_do_no
         rows = np.append(np.flatnonzero(data.observations.sensor == 0), touched[:count])
         few = data.of_rows(np.sort(rows))
         assert TreeObservations.of(few).sigma_held.tolist() == [False, held]
+        words = tree_findings._assumed_sigmas(only_observed(few))
+        assert ["'table' to 1 mm is assumed" in word for word in words] == [True] * held
     stated = (data.sensors[0], replace(data.sensors[1], sigma=1e-4))
-    assert not TreeObservations.of(replace(data, sensors=stated)).sigma_held[0]
-    assert TreeObservations.of(replace(data, sensors=stated)).sigma_held[1]
+    few = replace(few, sensors=stated)
+    assert TreeObservations.of(few).sigma_held.tolist() == [False, True]
+    assert not tree_findings._assumed_sigmas(only_observed(few))
 
 
 @pytest.mark.slow

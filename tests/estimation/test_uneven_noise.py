@@ -140,3 +140,35 @@ def test_a_tracker_is_not_blamed_for_the_last_digits_of_a_robot_that_stands_stil
     assert len(np.unique(data.visit)) == 70
     found = calibrate_tree(data, effects=())
     assert found.noise["tracker"] == pytest.approx(sensor, rel=0.6)
+
+
+def tailed(seed, markers, astray=0.0):
+    """An arm whose readings are five times as far off in one of twenty, any joint's; rms of all."""
+    arm = one_arm(
+        seed, joints=6, markers=markers, poses=100, joint_sigma=2e-4, sigma={"points": 2e-5}
+    )
+    rng = np.random.default_rng((seed, 3))
+    shape = arm.data.readings.shape
+    tail = np.sqrt(24.0) * 2e-4 * rng.normal(size=shape) * (rng.random(shape) < 0.05)
+    table = arm.data.observations
+    values = table.values.copy()
+    values[:3, :3] += astray
+    data = replace(
+        arm.data, readings=arm.data.readings + tail, observations=replace(table, values=values)
+    )
+    return calibrate_tree(data, effects=()), float(np.sqrt(4e-8 + np.mean(tail**2)))
+
+
+@pytest.mark.parametrize(("markers", "seed"), slow_rest([(3, 41), (1, 42), (3, 43), (1, 45)]))
+def test_heavy_tails_of_all_joints_are_noise_and_no_joint_is_named(markers, seed):
+    found, rms = tailed(seed, markers)
+    assert not any("the encoder of" in word for word in judge(found).warnings)
+    assert found.noise["j1"] > 1.05 * found.solution.noise.joint[0]
+    assert found.noise["j1"] == pytest.approx(rms, rel=0.25)
+
+
+@pytest.mark.slow
+def test_observations_astray_are_no_tails_of_noise():
+    found, rms = tailed(42, 1, astray=0.03)
+    assert found.solution.outliers[:3].all()
+    assert found.noise["j1"] == pytest.approx(rms, rel=0.25)

@@ -22,6 +22,7 @@ from nico_selfmodel.estimation.observations.observations import gears_known
 from nico_selfmodel.estimation.tree.bending_tree import TreeBend
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.tree_noise import likeliest_noise
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, BodyParameters, TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
@@ -148,7 +149,8 @@ class BodyProblem:
         seen = problem.observations
         residuals = TreeResiduals(seen, problem.residuals.parameters, problem.poses)
         free = frozenset(problem.free_names)
-        return TreeProblem(residuals, free, {}).noise_at(found.solution)
+        sound = replace(found.solution, slipped=np.zeros_like(found.solution.slipped))
+        return likeliest_noise(*TreeProblem(residuals, free, {}).asking_at(sound))
 
     def _refined(
         self, problem: TreeProblem, values: NDArray, before: TreeSolution | None

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -288,19 +289,56 @@ class _Scores:
         return tries or [_Often(found, out, None)]
 
 
+def all_slip_alike(
+    whitening: PoseWhitening,
+    r: NDArray,
+    J: NDArray,
+    prior: NDArray,
+    slipped: NDArray,
+    some: NDArray,
+    alike: NDArray,
+) -> bool:
+    """Return whether it is likelier that all joints slip, as often and as far, than that some do.
+
+    Those are one choice of as many joints, of which none was likelier beforehand.
+
+    Args:
+        whitening: Of the poses, no joint freed.
+        r: Residuals in their sensors' sigmas. Shape (R,).
+        J: Derivatives by the free parameters. Shape (R, p).
+        prior: Information of the priors on their diagonal. Shape (p,).
+        slipped: What was read wrongly at each visit. Boolean, shape (visits, m).
+        some: Joints that were found to slip. Boolean, shape (m,).
+        alike: All that may slip as they do. Boolean, shape (m,).
+    """
+    gathered = whitening.groups.gather(r[:, None]), whitening.groups.gather(J[:, None])
+    scores = _Scores.at(whitening, *gathered, prior, 1.0, slipped)
+    t, c = scores.t, scores.c
+    of_some, of_all = (float(_gains(_of_sizes(t[:, j], c[:, j])[0]).max()) for j in (some, alike))
+    return of_all > of_some - np.log(comb(int(alike.sum()), int(some.sum())))
+
+
 def _of_sizes(t: NDArray, c: NDArray) -> tuple[NDArray, float]:
-    """Return log B of each size and visit, and what a visit in the middle tells of a joint."""
+    """Return log B of each size and visit, and what a visit in the middle tells of a joint.
+
+    Of several joints, shape (visits, j), one slips at a time, each as often: B is their mean.
+    """
     told = c > _TOLD
     middle = float(np.median(c[told])) if told.any() else 1.0
-    x = _SIZES[:, None] * c / middle
-    return 0.5 * t * x / (1.0 + x) - 0.5 * np.log1p(x), middle
+    x = _SIZES.reshape(-1, *(1,) * c.ndim) * c / middle
+    B = 0.5 * t * x / (1.0 + x) - 0.5 * np.log1p(x)
+    return (B if c.ndim == 1 else np.logaddexp.reduce(B, axis=2) - np.log(c.shape[1])), middle
+
+
+def _gains(B: NDArray) -> NDArray:
+    """Return gains of the log likelihood by share and size of slips. (sizes, visits) -> (p, s)."""
+    p = _SHARES[:, None, None]
+    return np.sum(np.logaddexp(np.log1p(-p), np.log(p) + B), axis=2)
 
 
 def _mixture(t: NDArray, c: NDArray, odd: NDArray) -> tuple[float, NDArray]:
     """Return the gain of the log likelihood by slips of one joint, and each visit's log odds."""
-    B = _of_sizes(t, c)[0]
-    p = _SHARES[:, None, None]
-    gain = np.sum(np.logaddexp(np.log1p(-p), np.log(p) + B), axis=2)
+    gain = _gains(_of_sizes(t, c)[0])
     share, size = np.unravel_index(int(np.argmax(gain)), gain.shape)
     odds = np.log(_SHARES[share] / (1.0 - _SHARES[share])) + _of_sizes(odd, c)[0][size]
     return float(gain[share, size]), odds

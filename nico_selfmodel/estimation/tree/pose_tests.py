@@ -22,7 +22,7 @@ from nico_selfmodel.optimization.chi_square import as_rare_as
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 from nico_selfmodel.optimization.uncertainty import covariance_told_by
 
-_LOUDEST = 0.01
+LOUDEST = 0.01
 """Part of what a joint moved up to which it may be read with noise of its own: beyond it is read
 wrongly."""
 
@@ -53,7 +53,7 @@ def tested(
     linear, prior = beside_shared(data, linear, prior, noise.alike)
     scale = own.sensor[data.noise_group]
     r, J = linear.r / scale, (linear.J / scale).T
-    loudest = _LOUDEST * data.moved
+    loudest = LOUDEST * data.moved
     loudest[[*noise.loud]] = 0.0
     slips = slipped_joints(tree_whitening(data, linear, groups, own), r, J, prior, loudest)
     by_visit = np.zeros((int(data.visit.max()) + 1, len(own.joint)), dtype=bool)
@@ -62,14 +62,8 @@ def tested(
     found = slips.slipped & ~data.unread
     by_visit[groups.numbers] = found
     whitening = tree_whitening(data, linear, groups, own, found)
+    far = far_observations(data, whitening, linear, own, prior, outliers, found)
     by_joint = linear.by_joint / scale[:, None]
-    far = far_observations(
-        *(data, whitening, r, J, prior, outliers),
-        by_joint=by_joint,
-        sigma=own.joint,
-        slipped=found,
-        took=linear.took,
-    )
     C = _covariance(whitening, groups.gather(J[:, None]), prior)
     loose = np.where(by_visit[data.visit] | data.unread, FREE_SIGMA, own.joint)
     hidden, far = hidden_slips(data, r, J, C, by_joint * loose, far, _limits(data))
@@ -79,15 +73,11 @@ def tested(
 def far_observations(
     observations: TreeObservations,
     whitening: PoseWhitening,
-    r: NDArray,
-    J: NDArray,
+    linear: TreeLinear,
+    noise: TreeNoise,
     prior: NDArray,
     outliers: NDArray,
-    *,
-    by_joint: NDArray,
-    sigma: NDArray,
     slipped: NDArray,
-    took: NDArray | None = None,
 ) -> NDArray:
     """Return observations that neither the body nor the rest of their pose explains.
 
@@ -98,18 +88,17 @@ def far_observations(
     Args:
         observations: What was measured.
         whitening: Of the observations that count.
-        r: Residuals in their sensors' sigmas. Shape (R,).
-        J: Derivatives by the free parameters. Shape (R, p).
+        linear: Residuals, and their derivatives by the free parameters.
+        noise: What disturbs each pose by itself.
         prior: Information of the priors on their diagonal. Shape (p,).
         outliers: Those that do not count, by row of the table. Shape (N,).
-        by_joint: Derivatives by the joints' errors, in the sensors' sigmas. Shape (R, m).
-        sigma: Standard deviations of these errors. Shape (m,).
         slipped: What was read wrongly at each visit. Boolean, shape (visits, m).
-        took: See `TreeLinear`.
 
     Returns:
         Boolean, by row of the table. Shape (N,).
     """
+    scale, took = noise.sensor[observations.noise_group], linear.took
+    r, J = linear.r / scale, (linear.J / scale).T
     ratio = np.zeros(len(outliers))
     groups = whitening.groups
     Jg = groups.gather(J[:, None])
@@ -119,7 +108,7 @@ def far_observations(
     shift, spread = whitening.joint_errors(-r[:, None])
     visit = groups.of(np.ones(len(r), dtype=bool))
     loose = np.vstack([slipped, np.zeros((1, slipped.shape[1]), dtype=bool)]) | observations.unread
-    by_joint = by_joint * np.where(loose[visit], FREE_SIGMA, sigma)
+    by_joint = linear.by_joint / scale[:, None] * np.where(loose[visit], FREE_SIGMA, noise.joint)
     for rows in observations.sensors:
         k = rows.measured.shape[1]
         at = rows.first + np.arange(rows.measured.size).reshape(-1, k)

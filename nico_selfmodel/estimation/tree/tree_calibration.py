@@ -18,6 +18,7 @@ from nico_selfmodel.estimation.diagnosis.flatness import Flatness
 from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend
 from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boards
 from nico_selfmodel.estimation.tree.compared_errors import usual_errors
+from nico_selfmodel.estimation.tree.contradictions.heavy_tails import noise_to_expect
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, held_scores
 from nico_selfmodel.estimation.tree.contradictions.no_pose_tells import told_by_no_pose
 from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed, too_short
@@ -126,8 +127,9 @@ class TreeCalibration:
 
     @cached_property
     def noise(self) -> dict[str, float]:
-        """Standard deviations of sensors and joints, by name [m, rad or px]."""
-        return names_of_noise(self.solution.noise, self.train.observations)
+        """Standard deviations to expect of sensors and joints, by name [m, rad or px]."""
+        expected = noise_to_expect(self.ladder.solution.problem, self.solution)
+        return names_of_noise(expected, self.train.observations)
 
     @cached_property
     def usual(self) -> NDArray | None:
@@ -368,11 +370,8 @@ def _as_described(problem: TreeProblem, solution: TreeSolution, seen: BodyDatase
 def _uncertainty(problem: TreeProblem, solution: TreeSolution, setup: TreeSetup) -> Uncertainty:
     """Return the covariance of what was free; where nothing tells lengths, all are open as one."""
     count, names = len(solution.whitened), problem.free_names
-    squares = (
-        float(count - len(names))
-        if solution.variances_known
-        else float(solution.rest @ solution.rest)
-    )
+    known = solution.variances_known
+    squares = float(count - len(names) if known else solution.rest @ solution.rest)
     scales = _natural_scales(problem, solution)
     found = Uncertainty.from_jacobian(names, solution.whitened, scales, squares, count)
     if setup.scale_from is not None:

@@ -4,12 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.sensors import CAMERA, SIGHTS
+from nico_selfmodel.dataset.body.sensors import CAMERA, FIRST_SIGMA, SIGHTS
 from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
 from nico_selfmodel.estimation.diagnosis.flatness import bent_reasons
 from nico_selfmodel.estimation.diagnosis.gear_check import gear_words
 from nico_selfmodel.estimation.noise.hand_noise import LARGEST_JOINT_NOISE
-from nico_selfmodel.estimation.noise.joint_slips import FEWEST_SLIPS
 from nico_selfmodel.estimation.results.calibration_result import (
     FAILURE,
     MISFIT,
@@ -21,11 +20,12 @@ from nico_selfmodel.estimation.results.calibration_result import (
 from nico_selfmodel.estimation.tree.compared_errors import alone_off
 from nico_selfmodel.estimation.tree.contradictions.contradiction_words import contradiction_findings
 from nico_selfmodel.estimation.tree.contradictions.exchanged_markers import exchanged_markers
+from nico_selfmodel.estimation.tree.contradictions.heavy_tails import slipping_joints
 from nico_selfmodel.estimation.tree.contradictions.off_at_once import sensors_off_at_once
 from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
-from nico_selfmodel.estimation.tree.tree_observations import TURN_NOISE
+from nico_selfmodel.estimation.tree.tree_observations import ENOUGH_TOUCHES, TURN_NOISE
 from nico_selfmodel.estimation.tree.tree_setup import DESCRIBED
 from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE
 from nico_selfmodel.names import listed
@@ -36,9 +36,6 @@ _LOOSE = 10.0
 """Times less than the stated sigma from which on that is doubted."""
 _LARGEST_FLANGE_PLACE = 0.05
 """A place of a flange that is off by so much is no play [m]."""
-_MOST_SLIPS = 0.02
-"""Share of poses with a wrong reading of one joint from which on it is named, `FEWEST_SLIPS` at
-least."""
 _LOUD = 2.0
 """Times the noise of others from which on that of a joint is named."""
 _FEWEST_TOLD = 10.0
@@ -68,6 +65,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
         *_alike_words(calibration),
         *_slip_words(calibration),
         *_loose_sigmas(calibration),
+        *_assumed_sigmas(calibration),
         *_loud_words(calibration),
         *exchanged_markers(calibration),
         *sensors_off_at_once(calibration),
@@ -157,6 +155,23 @@ def _loose_sigmas(calibration: TreeCalibration) -> list[str]:
     ]
 
 
+def _assumed_sigmas(calibration: TreeCalibration) -> list[str]:
+    """Say which distances and touches are too few to tell their noise, which nobody stated."""
+    seen, data = calibration.train.observations, calibration.data
+    held = [
+        f"{rows.name!r} to {1e3 * FIRST_SIGMA[rows.kind]:.3g} mm"
+        for rows in seen.sensors
+        if seen.sigma_held[seen.noise_group[rows.first]] and data.sensors[rows.sensor].sigma is None
+    ]
+    if not held:
+        return []
+    return [
+        f"nothing tells how sure distances or touches are, those of {listed(held)} is assumed: "
+        "error bars of lengths rest on it; state `sigma_m` of the sensor, or record "
+        f"{ENOUGH_TOUCHES} poses with them"
+    ]
+
+
 def _noise_beside_stated(calibration: TreeCalibration) -> list[tuple[str, str, str, float]]:
     """Return name, noise found, noise stated and their ratio of sensors that state one."""
     solution, observations = calibration.solution, calibration.train.observations
@@ -213,20 +228,15 @@ def _flange_misfits(calibration: TreeCalibration) -> list[str]:
 
 
 def _slip_words(calibration: TreeCalibration) -> list[str]:
-    """Name joints that were read wrongly in more poses than by chance."""
-    slipped = calibration.solution.slipped
-    counts = slipped.sum(axis=0)
-    out = []
-    for (i, part), count in zip(
-        calibration.train.observations.noisy_joints, counts.tolist(), strict=True
-    ):
-        if part == 0 and count >= max(FEWEST_SLIPS, _MOST_SLIPS * len(slipped)):
-            name = calibration.data.joints[i].name
-            out.append(
-                f"the encoder of {name!r} was off in {count} of {len(slipped)} poses by more than "
-                "joint noise: look for play, a loose coupling or missed counts there"
-            )
-    return out
+    """Name joints that were read wrongly in more poses than by chance, and than others."""
+    slipped, noisy = calibration.solution.slipped, calibration.train.observations.noisy_joints
+    named = slipping_joints(calibration.ladder.solution.problem, calibration.solution)
+    return [
+        f"the encoder of {calibration.data.joints[noisy[k][0]].name!r} was off in "
+        f"{slipped[:, k].sum()} of {len(slipped)} poses by more than joint noise: look for play, "
+        "a loose coupling or missed counts there"
+        for k in np.flatnonzero(named).tolist()
+    ]
 
 
 def _loud_words(calibration: TreeCalibration) -> list[str]:

@@ -22,7 +22,7 @@ from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import FREE, WHOLE_POSES
 
-_ENOUGH_TOUCHES = 20
+ENOUGH_TOUCHES = 20
 """Poses of a sensor that sees nothing from which on they tell its standard deviation."""
 TURN_NOISE = "orientation"
 """How the noise of a sensor's turns is called after its name."""
@@ -219,7 +219,7 @@ class TreeObservations:
         held = []
         for rows, _ in self._first_of_noise.values():
             stated = self.data.sensors[rows.sensor].sigma is not None
-            few = len(np.unique(rows.pose)) < _ENOUGH_TOUCHES
+            few = len(np.unique(rows.pose)) < ENOUGH_TOUCHES
             held.append(rows.kind not in SIGHTS and (stated or few))
         return np.array(held)
 

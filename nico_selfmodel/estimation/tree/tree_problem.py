@@ -70,8 +70,7 @@ class TreeProblem:
             noise_known: Whether that is the noise, which few poses would not tell.
             alike: Groups of parameters whose priors have one standard deviation, which is learned.
         """
-        self.alike = tuple(alike)
-        self._noise_known, self._joint_part = noise_known, 1.0
+        self.alike, self.noise_known, self._joint_part = tuple(alike), noise_known, 1.0
         self.poses: NDArray | None = None
         """Whole poses at the last solution, where the search for the next ones begins."""
         self._last: tuple[bytes, TreeLinear] | None = None
@@ -122,8 +121,8 @@ class TreeProblem:
             return None
         nothing = np.zeros(len(data.data.observations), dtype=bool)
         linear = self._linear(values, nothing)
-        linear = replace(linear, by_joint=np.where(data.unread, linear.by_joint, 0.0))
-        return tree_whitening(data, linear, data.groups(nothing), self.noise)
+        unread = replace(linear, by_joint=np.where(data.unread, linear.by_joint, 0.0))
+        return tree_whitening(data, unread, data.groups(nothing), self.noise)
 
     def linear_at(self, values: NDArray, poses: NDArray | None) -> TreeLinear:
         """Return residuals and derivatives, kept of the last place; see `TreeResiduals.linear`."""
@@ -193,9 +192,9 @@ class TreeProblem:
         while rounds < _ROUNDS:
             linear = self._linear(values, found)
             equations = int((~found[data.row]).sum()) + len(self.priors)
-            known = self._noise_known or equations - len(self.columns) >= LEAST_REDUNDANCY
+            known = self.noise_known or equations - len(self.columns) >= LEAST_REDUNDANCY
             before = self.noise
-            if known and not self._noise_known:
+            if known and not self.noise_known:
                 noise = likeliest_noise(*self._asking(linear, groups, slipped, values))
                 self.noise = replace(noise, joint=self._joint_part * noise.joint)
             whitening = tree_whitening(data, linear, groups, self.noise, slipped)
@@ -206,7 +205,7 @@ class TreeProblem:
             now_slipped, now_found, new = slipped, found, groups
             settled = not known or self._learned_priors(values, found, slipped)
             if known and trim:
-                by_visit, now_found = self._tested(linear, groups, found, not self._noise_known)
+                by_visit, now_found = self._tested(linear, groups, found, not self.noise_known)
                 now_found = now_found | come_and_go(data.data, returned, found)
                 returned |= found & ~now_found
                 new = data.groups(now_found)
@@ -217,7 +216,7 @@ class TreeProblem:
             rounds += self.noise.loud == before.loud  # a joint is found to be loud once at most
             if same and self.noise.is_like(before) and settled:
                 break
-        if known and not self._noise_known:
+        if known and not self.noise_known:
             slipped = self._share(values, slipped, found, trim=trim)
         return self._finish(values, slipped, found, known, steps)
 
@@ -279,9 +278,8 @@ class TreeProblem:
     ) -> TreeSolution:
         groups = self.observations.groups(outliers)
         linear = self._about_poses(values, groups, slipped, outliers)
-        whitening = tree_whitening(
-            self.observations, linear, groups, self.noise, slipped, joined=True
-        )
+        how = linear, groups, self.noise, slipped
+        whitening = tree_whitening(self.observations, *how, joined=True)
         solution = self.program(values, whitening, linear.pulled).solve(tolerance=1e-8)
         values = self._with(values, solution.x)
         rows, white, shared = self._whitened(values, outliers, slipped)
@@ -349,11 +347,13 @@ class TreeProblem:
         nothing = np.zeros(len(self.observations.data.observations), dtype=bool)
         return self._whitened(self.residuals.parameters.start, nothing, None)[0]
 
-    def noise_at(self, solution: TreeSolution) -> TreeNoise:
-        """Return the noise that residuals ask for where another problem's adjustment ended."""
+    def asking_at(
+        self, solution: TreeSolution
+    ) -> tuple[TreeObservations, TreeLinear, PoseGroups, NDArray | None, TreeNoise, NDArray]:
+        """Return what `likeliest_noise` asks residuals by where an adjustment ended."""
         groups = self.observations.groups(solution.outliers)
         linear = self._linear(solution.values, solution.outliers)
-        return likeliest_noise(*self._asking(linear, groups, None, solution.values))
+        return self._asking(linear, groups, solution.slipped_in(groups.numbers), solution.values)
 
     def _learned_priors(self, values: NDArray, outliers: NDArray, slipped: NDArray) -> bool:
         """Let priors be as wide as the data ask for; return whether they were."""
