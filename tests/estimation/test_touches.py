@@ -16,6 +16,7 @@ from nico_selfmodel.estimation.results.calibration_result import FAILURE
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree import tree_findings
 from nico_selfmodel.estimation.tree.contradictions.contradiction_words import missed_touches
+from nico_selfmodel.estimation.tree.guesses.touch_guess import Touches
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_errors import errors_of
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
@@ -26,6 +27,7 @@ from nico_selfmodel.model.tree.body_model import load_body, save_body
 from nico_selfmodel.model.tree.body_tree import Attached
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
+from ..slow_rest import slow_rest
 from .simulated_trees import one_arm, turned, two_arms
 
 MISS = 1e-4
@@ -271,6 +273,24 @@ def test_touches_alone_do_not_explain_a_description_away(touches):
     off_by = tree_result(found).details["description_off"]
     assert off_by["turn_sigma_deg"] < 0.5
     assert 1.0 < off_by["shift_sigma_mm"] < 4.0
+
+
+@pytest.mark.parametrize("seed", slow_rest([1, 2, 3, 4]))
+def test_a_ball_that_nothing_sees_begins_where_what_it_touched_is_flat(seed):
+    true = one_arm(seed, poses=4, markers=1, joint_sigma=0.0)
+    tree, data, (ball,) = with_balls(true, ["j5"], xyz=(0.05, -0.1, 0.4))
+    q = np.random.default_rng((seed, 1)).uniform(-1.2, 1.2, size=(300, 5))
+    q = touching(tree, q, plane_gap(ball))[:50]
+    seen = joined_with(data, q, SensorInfo("table", "plane"), ball)
+    only = seen.of_rows(seen.observations.sensor == 1)
+    rng = np.random.default_rng(seed)
+    off = replace(tree, X_PJ=np.array([X @ turned(rng, 0.5, 5.0) for X in tree.X_PJ]))
+    off = replace(off, planes=(Attached("table", -1),)).with_markers(
+        tuple(replace(m, X_LA=np.eye(4)) for m in off.markers)
+    )
+    placed = Touches.of(only).placed(off)
+    assert placed.markers[ball].X_LA[:3, 3] == pytest.approx([0.05, -0.1, 0.4], abs=0.05)
+    assert abs(placed.planes[0].X_LA[:3, 2] @ NORMAL) > np.cos(np.radians(5.0))
 
 
 def test_touches_alone_tell_no_body_from_nothing():

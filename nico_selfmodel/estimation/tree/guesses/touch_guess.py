@@ -5,6 +5,7 @@ All of it is told by a body that is nearly known, and nothing of it tells a firs
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,9 @@ from nico_selfmodel.names import listed
 
 _TRIMMED = 4.0
 """Robust standard deviations beyond which a point does not tell where a plane is."""
+_TRIED = (0.4, 0.2, 0.2, 0.1, 0.1, 0.05, 0.05, 0.02)
+"""How far a marker that only touches is looked for from its link's frame, and from there on, in
+parts of the reach."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +66,8 @@ class Touches:
     def placed(self, tree: BodyTree) -> BodyTree:
         """Return a body with what is touched where it expects its markers.
 
-        Markers that nothing sees begin in the middle of the others of their link.
+        Markers that nothing sees begin in the middle of those of their link that are seen, or where
+        what they touched is flattest.
 
         Args:
             tree: The body.
@@ -72,14 +77,14 @@ class Touches:
         """
         markers, known = list(tree.markers), [m.xyz is not None for m in self.data.markers]
         seen = {*self.data.observations.marker.tolist(), *np.flatnonzero(known).tolist()}
+        seen -= set(self.markers.tolist())
+        motion = TreeMotion.at(tree, self.data.si_readings, self.data.X_flange)
         for m in self.markers.tolist():
-            others = {k: marker.X_LA[:3, 3] for k, marker in enumerate(tree.markers)
-                      if marker.on == markers[m].on and k not in self.markers}  # fmt: skip
             # Of some that were hardly seen nobody knows the places.
-            placed = [p for k, p in others.items() if k in seen] or [*others.values()]
-            if placed:
-                middle = np.median(placed, axis=0)
-                markers[m] = replace(markers[m], X_LA=transform(np.eye(3), middle))
+            placed = [marker.X_LA[:3, 3] for k, marker in enumerate(tree.markers)
+                      if marker.on == markers[m].on and k in seen]  # fmt: skip
+            place = np.median(placed, axis=0) if placed else self._flattest(motion, m)
+            markers[m] = replace(markers[m], X_LA=transform(np.eye(3), place))
         tree = tree.with_markers(tuple(markers))
         motion = TreeMotion.at(tree, self.data.si_readings, self.data.X_flange)
         told = {s.name for s in self.data.sensors if s.X_LS is not None}
@@ -126,13 +131,43 @@ class Touches:
         rows = self._rows_of(name)
         return float(np.median(self._lengths(motion, rows))) if len(rows) else 0.0
 
+    def _flattest(self, motion: TreeMotion, marker: int) -> NDArray:
+        """Return where on its link a marker is nearest to planes of what it touched. (3,)."""
+        table, tree = self.data.observations, motion.tree
+        ways = np.array(sorted(product((-1.0, 0.0, 1.0), repeat=3), key=np.linalg.norm))
+        ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1.0)
+        reach = float(np.linalg.norm(np.ptp(motion.p_WL, axis=(0, 2))))
+        on = tree.markers[marker].on
+
+        def off(places: NDArray) -> NDArray:
+            total = np.zeros(len(places))
+            for plane in tree.planes:
+                rows = self._rows_of(plane.name)
+                pose = table.pose[rows[table.marker[rows] == marker]]
+                p = np.einsum("ijn,tj->tin", motion.R_WL[on][:, :, pose], places)
+                p = self._from(motion, plane, p + motion.p_WL[on][:, pose], pose)
+                p = p - np.sum(p, axis=2, keepdims=True) / max(len(pose), 1)
+                total += np.linalg.eigvalsh(p @ np.swapaxes(p, 1, 2))[:, 0]
+            return total
+
+        place = np.zeros(3)
+        for part in _TRIED:
+            tried = place + part * reach * ways
+            place = tried[np.argmin(off(tried))]
+        return place
+
+    @staticmethod
+    def _from(motion: TreeMotion, plane: Attached, p_WQ: NDArray, pose: NDArray) -> NDArray:
+        """Return points in the frame of a plane's link. Shape (..., 3, N)."""
+        R, o = motion.R_WL[plane.on][:, :, pose], motion.p_WL[plane.on][:, pose]
+        return np.asarray(np.einsum("jin,...jn->...in", R, p_WQ - o))
+
     def _plane(self, motion: TreeMotion, plane: Attached) -> Attached:
         table, rows = self.data.observations, self._rows_of(plane.name)
         if not len(rows):
             return plane
         pose = table.pose[rows]
-        R, o = motion.R_WL[plane.on][:, :, pose], motion.p_WL[plane.on][:, pose]
-        p = np.einsum("ijn,in->nj", R, motion.points(table.marker[rows], pose).T - o)
+        p = self._from(motion, plane, motion.points(table.marker[rows], pose).T, pose).T
         try:
             found = Plane.from_points(p)
             off = np.abs(found.distance_to(p))
