@@ -51,10 +51,6 @@ class Diagnosis:
     """Parameters of the change that the poses show."""
     score: float
     """`statistic` less what each parameter must bring: the largest wins."""
-    change: NDArray
-    """Most likely change along the basis. Shape (d,)."""
-    sigma: NDArray
-    """Standard deviation of `change`. Shape (d,)."""
     of_pose: NDArray
     """What each pose says for having been taken after the change, the logarithm of a likelihood
     ratio. Shape (N,)."""
@@ -114,9 +110,7 @@ def diagnosed(hypothesis: Hypothesis, found: ChangeEstimate, unchanged: float) -
         unchanged: Logarithm of the likelihood of no change.
     """
     statistic = 2.0 * (found.log_likelihood - unchanged)
-    return Diagnosis(
-        hypothesis, statistic, found.dof, statistic, found.change, found.sigma, found.of_pose
-    )
+    return Diagnosis(hypothesis, statistic, found.dof, statistic, found.of_pose)
 
 
 def ranked(diagnoses: Iterable[Diagnosis]) -> tuple[Diagnosis, ...]:

@@ -294,7 +294,6 @@ class TreeProblem:
             self.noise,
             outliers,
             by_visit,
-            solution.cost,
             solution.converged,
             steps + solution.iterations,
             known,
