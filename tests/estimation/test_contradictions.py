@@ -204,7 +204,8 @@ def test_another_robot_does_not_fit_after_its_torso_was_learned_anew():
     body = BodyModel("other", replace(made.tree, X_PJ=X), np.ones(len(X)), noise=noise)
     names = tuple(f"torso1.{part}" for part in FRAME_PARTS)
     torso = Hypothesis("the torso", names, np.zeros((0, 6)))
-    blamed = Diagnosis(torso, 0.0, 6, 0.0, np.zeros(0))
+    nothing = np.zeros(0)
+    blamed = Diagnosis(torso, 0.0, 6, 0.0, nothing, nothing, nothing)
     report = check_body_health(body, made.data)
     update = relearn_body(body, made.data, replace(report, changed_at=0, diagnoses=(blamed,)))
     assert update.against.count > 15

@@ -294,6 +294,7 @@ class TreeProblem:
             self.noise,
             outliers,
             by_visit,
+            solution.cost,
             solution.converged,
             steps + solution.iterations,
             known,

@@ -67,6 +67,8 @@ class TreeSolution:
     """Observations that nothing explains. Boolean, by row of the table, shape (N,)."""
     slipped: NDArray
     """What was read wrongly. Boolean, by visit and noisy joint, shape (visits, m)."""
+    cost: float
+    """Half the sum of squares, in the noise as it was found."""
     converged: bool
     iterations: int
     """Of all rounds of variances and outliers."""
