@@ -28,8 +28,6 @@ class LevenbergMarquardtResult:
     """Best point found. Shape (p,)."""
     cost: float
     """Half the sum of squared residuals at `x`."""
-    hessian: NDArray
-    """Gauss-Newton matrix at `x`. Shape (p, p)."""
     iterations: int
     """Accepted and refused steps together."""
     converged: bool
@@ -157,7 +155,7 @@ def _descent(
     """Yield points to try, each to be answered by its normal equations or None, then the result."""
     cost, gradient, hessian = found
     if not np.isfinite(cost):
-        yield LevenbergMarquardtResult(x, cost, hessian, 0, False, (cost,))
+        yield LevenbergMarquardtResult(x, cost, 0, False, (cost,))
         return
     scale = np.diag(hessian).copy()
     history, damping, growth = [cost], 1e-4, 2.0
@@ -188,4 +186,4 @@ def _descent(
             damping, growth = damping * growth, 2.0 * growth
             # No step downhill is left that floating point can see.
             converged = bool(damping > 1e16)
-    yield LevenbergMarquardtResult(x, cost, hessian, iteration, converged, tuple(history))
+    yield LevenbergMarquardtResult(x, cost, iteration, converged, tuple(history))

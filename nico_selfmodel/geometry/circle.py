@@ -123,7 +123,6 @@ def refine_circle(
     radius: float,
     *,
     sigma: float | None = None,
-    pin_radius: bool = False,
 ) -> Circle:
     """Minimise squared distances to the circle, (rho - R)^2 + h^2, from a start.
 
@@ -133,23 +132,19 @@ def refine_circle(
         normal: Start, unit length. Shape (3,).
         radius: Start [m].
         sigma: Known standard deviation of a coordinate [m].
-        pin_radius: Keep the radius at its start (the thesis' first pass).
 
     Returns:
         The refined circle.
     """
-    free = slice(0, 5 if pin_radius else 6)
     frame = frame_along(normal)
     offset = (points - center) @ frame
 
     def evaluate(x: NDArray) -> NormalEquations:
-        r, jacobian = _residuals(offset, radius, np.append(x, 0.0) if pin_radius else x)
-        jacobian = jacobian[:, free]
+        r, jacobian = _residuals(offset, radius, x)
         return 0.5 * float(r @ r), jacobian.T @ r, jacobian.T @ jacobian
 
-    start = np.zeros(6)[free]
-    x = levenberg_marquardt(evaluate, start, max_iterations=200, tolerance=1e-10).x
-    center, radius = center + frame @ x[:3], radius + (0.0 if pin_radius else x[5])
+    x = levenberg_marquardt(evaluate, np.zeros(6), max_iterations=200, tolerance=1e-10).x
+    center, radius = center + frame @ x[:3], radius + x[5]
     normal = frame @ np.array([x[3], x[4], 1.0])
     normal = normal / np.linalg.norm(normal)
     return _measured_circle(points, center, normal, float(radius), sigma)

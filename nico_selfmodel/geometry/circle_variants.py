@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.geometry.circle import Circle, covariance_of, pratt_circle, refine_circle
+from nico_selfmodel.geometry.circle import Circle, covariance_of
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.rotation import frame_along, rotation_from_vector, skew
 from nico_selfmodel.least_squares import NormalEquations, levenberg_marquardt
@@ -174,31 +174,3 @@ def circles_through(triples: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     area = np.where(area > 1e-20 * square_a * square_b, area, np.nan)
     offset = np.cross(square_a * b - square_b * a, normal) / (2.0 * area)
     return triples[:, 0] + offset, normal / np.sqrt(area), np.linalg.norm(offset, axis=1)
-
-
-def circle_by_appendix_a(points: ArrayLike) -> Circle:
-    """Fit a circle by the steps of the thesis' appendix A, with its plane and start corrected.
-
-    Plane; a start in the plane; the plane problem with the radius fixed, then free; the space
-    problem with the radius fixed, then free. The printed start (centroid and mean offset) lies on
-    the arc, and the printed plane equation defines points: Pratt's circle and the SVD plane stand
-    in their places. It ends where `Circle.from_points` ends.
-
-    Args:
-        points: Shape (n, 3), n >= 3.
-
-    Returns:
-        The circle.
-
-    Raises:
-        ValueError: If the points are collinear or coincide.
-    """
-    points = np.asarray(points, dtype=float)
-    plane = Plane.from_points(points)
-    in_plane = points - plane.distance_to(points)[:, None] * plane.normal
-    center, normal, radius = pratt_circle(in_plane, plane.normal)
-    for stage in (in_plane, points):
-        for pin_radius in (True, False):
-            fit = refine_circle(stage, center, normal, radius, pin_radius=pin_radius)
-            center, normal, radius = fit.center, fit.normal, fit.radius
-    return fit

@@ -1,47 +1,7 @@
-"""Lines in space and the common normal of two of them."""
-
-from dataclasses import dataclass
+"""The common normal of two lines in space."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-from nico_selfmodel.geometry.checked_points import checked_points
-
-
-@dataclass(frozen=True, eq=False)
-class Line:
-    """A line in space."""
-
-    point: NDArray
-    """A point on the line [m]. Shape (3,)."""
-    direction: NDArray
-    """Unit direction. Shape (3,)."""
-
-    @classmethod
-    def from_points(cls, points: ArrayLike) -> "Line":
-        """Fit the line that minimises the squared distances to points.
-
-        Args:
-            points: Shape (n, 3) with n >= 2.
-
-        Returns:
-            The line through the centroid along the largest principal direction.
-
-        Raises:
-            ValueError: If `points` has another shape or is not finite, or all points coincide.
-        """
-        points = checked_points(points, 2)
-        centroid = points.mean(axis=0)
-        _, values, vt = np.linalg.svd(points - centroid, full_matrices=False)
-        if values[0] == 0.0:
-            raise ValueError("a line needs two different points, all given points coincide")
-        return cls(centroid, vt[0])
-
-    def distance_to(self, points: ArrayLike) -> NDArray:
-        """Return the distances of points to the line [m]. Shape (..., 3) -> (...)."""
-        offset = np.asarray(points, dtype=float) - self.point
-        along = offset @ self.direction
-        return np.linalg.norm(offset - along[..., None] * self.direction, axis=-1)
 
 
 def common_normal_feet(

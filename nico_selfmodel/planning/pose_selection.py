@@ -236,11 +236,6 @@ def hand_sigma(recorded: NDArray, targets: NDArray) -> float:
     return float(np.sqrt(np.trace(G @ np.linalg.inv(H))))
 
 
-def random_poses(pool: int, count: int, rng: np.random.Generator) -> NDArray:
-    """Return rows of a pool by chance, each once. Shape (count,)."""
-    return np.sort(rng.choice(pool, count, replace=False))
-
-
 def _checked(jacobians: NDArray, count: int, criterion: str) -> NDArray:
     jacobians = np.asarray(jacobians, dtype=float)
     if jacobians.ndim != 3:

@@ -31,8 +31,6 @@ from nico_selfmodel.plant.model_in_plant import ModelInPlant
 class LinkSurface:
     """The surface of one link, in its frame."""
 
-    link: str
-    """Name of the link."""
     frame: FrameId
     """Its frame in the scene graph."""
     solids: tuple[Solid, ...]
@@ -84,7 +82,7 @@ def link_surfaces(scene_graph: SceneGraph, built: ModelInPlant) -> dict[str, Lin
                 [_color(inspector.GetPerceptionProperties(one)) for one in drawn], dtype=float
             )
             link = plant.get_body(index).name()
-            found[link] = LinkSurface(link, frame, known, read_only(colors))
+            found[link] = LinkSurface(frame, known, read_only(colors))
     return found
 
 

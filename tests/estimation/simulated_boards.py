@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.geometry.rotation import rotation_from_vector
@@ -30,10 +30,17 @@ RIG = StereoRig(
     ),
 )
 """Two cameras that differ; the left one stands at the world."""
+BEFORE_BOTH = ([-0.12, -0.1, 0.22], [0.15, 0.1, 0.45])
 TRUTH = dict(zip(RIG.names, RIG.values, strict=True))
 
 
-def boards(count: int, seed: int = 0, tilt: float = 0.35, rig: StereoRig = RIG) -> NDArray:
+def boards(
+    count: int,
+    seed: int = 0,
+    tilt: float = 0.35,
+    rig: StereoRig = RIG,
+    between: tuple[ArrayLike, ArrayLike] = BEFORE_BOTH,
+) -> NDArray:
     """Return poses of boards that both cameras see whole. Shape (V, 4, 4).
 
     Args:
@@ -41,11 +48,12 @@ def boards(count: int, seed: int = 0, tilt: float = 0.35, rig: StereoRig = RIG) 
         seed: Of their places.
         tilt: Spread of their rotation vectors [rad].
         rig: The cameras.
+        between: Corners of the box in which their middles are [m].
     """
     rng, found = np.random.default_rng(seed), []
     while len(found) < count:
         turn = rotation_from_vector(rng.normal(0.0, 1.0, 3) * tilt)
-        middle = rng.uniform([-0.12, -0.1, 0.22], [0.15, 0.1, 0.45])
+        middle = rng.uniform(*between)
         X_LG = transform(turn, middle - turn @ P_GQ.mean(axis=0))
         pixels = rig.project(apply(X_LG, P_GQ))
         if ((pixels >= 0.0) & (pixels <= np.tile(SIZE, 2) - 1.0)).all():

@@ -135,7 +135,7 @@ def test_a_hundred_encounters_of_a_kind_are_all_told_in_time(kind, verdicts, wit
 @pytest.mark.parametrize("late", [2, 6, 8])
 def test_a_pause_of_ones_own_says_nothing_against_who_repeats_ones_motion(late):
     rates = np.array([[0.003, 0.5, 0.33], [0.27, 0.75, 0.6], [0.96, 0.98, 0.996]])
-    response = MotionResponse(PERIOD, 0, rates, 0.00125, 0.147, 0.837, 50.0)
+    response = MotionResponse(PERIOD, 0, rates, 0.00125, 0.147, 0.837)
     m = np.array([STILL] * 46 + [MUCH] * 3 + [STILL] * 3 + [MUCH] * 5 + [STILL] * 9)
     image = np.concatenate([np.zeros(1 + late, dtype=bool), m[: len(m) - 1 - late] == MUCH])
     image[47] = True  # a false alarm, as oneself starts

@@ -383,11 +383,9 @@ def test_a_mirror_that_was_not_learned_cannot_be_evaluated():
     assert found.pixel_statistics.mean < 0.6
 
 
-def test_the_thesis_cameras_start_right_and_find_the_reflected_cameras():
+def test_the_thesis_cameras_find_the_reflected_cameras():
     data = recording(poses(20), sigma=0.0)
     cameras = fit_mirror_cameras(Reflections.from_dataset(data, body()))
-    assert cameras.converged
-    assert_allclose(cameras.start.values, MIRROR.values, atol=1e-8)
     virtual = MirrorRig(RIG, MIRROR).virtual
     for found, true in zip(cameras.cameras, virtual.cameras, strict=True):
         assert_allclose(found.X_WC, true.X_WC, atol=1e-6)

@@ -110,6 +110,14 @@ def test_what_no_pose_tells_of_a_hand_that_stays_upright_is_named_and_fails_noth
     assert np.isfinite(sigma["hand_tag0.x"])
 
 
+@pytest.mark.parametrize(("fall", "creeps"), [(0.009, True), (0.011, False)])
+def test_creeping_along_what_is_open_ends_where_a_step_gains_nothing(upright, fall, creeps):
+    solution = replace(upright.solution, converged=False, history=(7.0, 1.0 + fall, 1.0))
+    assert result_of(replace(upright, solution=solution)).converged == creeps
+    told = replace(upright.uncertainty, unobservable=())
+    assert not result_of(replace(upright, solution=solution, uncertainty=told)).converged
+
+
 def test_joints_that_may_go_further_are_asked_to(upright):
     joints = tuple(replace(j, lower=None, upper=None) for j in upright.data.joints)
     problem = upright.ladder.solution.problem

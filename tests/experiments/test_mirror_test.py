@@ -51,7 +51,7 @@ from nico_selfmodel.vision.surprise.surprise import Expectation, Surprise
 from ..slow_rest import slow_rest
 
 RATES = [[0.01, 0.3, 0.5], [0.3, 0.5, 0.5], [0.5, 0.5, 0.99]]
-RESPONSE = MotionResponse(0.05, 1, np.array(RATES), 0.01, 0.1, 0.8, 30.0)
+RESPONSE = MotionResponse(0.05, 1, np.array(RATES), 0.01, 0.1, 0.8)
 
 
 def said(verdict, seconds=1.0):
@@ -63,10 +63,10 @@ def said(verdict, seconds=1.0):
 def stage(count, **exceptions):
     """Return a stage in which all is told rightly, but for some encounters."""
     names = [name for name in EXPECTED for _ in range(count)]
-    trials = [Trial(0, name, said(EXPECTED[name])) for name in names]
+    trials = [Trial(name, said(EXPECTED[name])) for name in names]
     for name, found in exceptions.items():
         at = names.index(name.replace("_", " "))
-        trials[at] = Trial(0, names[at], found)
+        trials[at] = Trial(names[at], found)
     return EncounterStage(tuple(trials), {0: RESPONSE}, {0: 0.07})
 
 
@@ -181,9 +181,7 @@ def test_a_look_that_surprises_is_named_with_its_link_and_pixel():
 def mirrors(count, **off):
     """Return a stage of so many mirrors, one of which is off by something else."""
     places = [
-        MirrorPlace(k // 2, f"mirror {k}", by, np.radians(0.05), 1e-4, 3.0)
-        for by in (HAND, WHOLE)
-        for k in range(count)
+        MirrorPlace(by, np.radians(0.05), 1e-4, 3.0) for by in (HAND, WHOLE) for k in range(count)
     ]
     return MirrorsStage((replace(places[0], **off), *places[1:-1], replace(places[-1], **off)))
 
@@ -221,7 +219,7 @@ def images(count, **said_of):
     for shown, allowed in ALLOWED.items():
         words = [allowed[0]] * (count - 1) + [said_of.get(shown.split()[0], allowed[-1])]
         trials += [
-            ImageTrial(k, shown, ImageVerdict(word, 12, 12, 20.0, 4.0, 25.0, _mirror_px(word)))
+            ImageTrial(shown, ImageVerdict(word, 12, 20.0, 4.0, 25.0, _mirror_px(word)))
             for k, word in enumerate(words)
         ]
     return ImageStage(tuple(trials))
@@ -249,8 +247,8 @@ def test_what_moves_with_oneself_must_be_told_by_where_it_is(count, said_of, sta
 
 def test_a_twin_that_no_mirror_explains_and_images_that_nobody_saw_can_be_written(tmp_path):
     nan = float("nan")
-    unseen = ImageTrial(9, "twin that imitates at once",
-                        ImageVerdict("cannot tell", 3, 0, nan, nan, nan, nan))  # fmt: skip
+    unseen = ImageTrial("twin that imitates at once",
+                        ImageVerdict("cannot tell", 3, nan, nan, nan, nan))  # fmt: skip
     told = ImageStage((*images(5).trials, unseen))
     report_of(MirrorTest(stage(15), told)).write(tmp_path / "out")
     document = json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))

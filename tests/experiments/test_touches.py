@@ -36,8 +36,8 @@ from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
 WAY = Touch(np.zeros((4, 6)), np.zeros((4, 6)), np.zeros((4, 3)), 0.006, 0.2)
 WENT = Executed(0.002, 0.001, 0.004, "head and right_hand")
-TOUCHED = TouchTrial(0, "head", 0.005, True, WAY, WENT)
-BEYOND = TouchTrial(0, "head", 0.005, False, OutOfReach("the finger stays 90 mm away"), None)
+TOUCHED = TouchTrial(0.005, True, WAY, WENT)
+BEYOND = TouchTrial(0.005, False, OutOfReach("the finger stays 90 mm away"), None)
 
 
 def stage(inside=30, beyond=30, plans=50, first=TOUCHED, first_plan=TOUCHED):

@@ -6,16 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nico_selfmodel.geometry.circle import Circle
-from nico_selfmodel.geometry.circle_variants import (
-    circle_by_appendix_a,
-    circle_with_angles,
-    robust_circle,
-)
+from nico_selfmodel.geometry.circle_variants import circle_with_angles, robust_circle
 from nico_selfmodel.geometry.rotation import rotation_about, tangent_basis
 
 FITS = {
     "free": lambda points: Circle.from_points(points),
-    "appendix a": lambda points: circle_by_appendix_a(points),
     "with angles": lambda points: circle_with_angles(points, np.linspace(0, 1, len(points))),
     "robust": lambda points: robust_circle(points, np.random.default_rng(0))[0],
 }
@@ -33,16 +28,6 @@ def test_points_without_noise_give_the_circle_itself(
     assert circle.rms < 1e-12
     largest_gap = max(360.0 - arc_deg, arc_deg / (count - 1))
     assert np.degrees(circle.arc) == pytest.approx(360.0 - largest_gap, abs=1e-6)
-
-
-@given(seed=SEED, arc_deg=st.floats(60.0, 300.0), sigma=st.floats(1e-5, 5e-4))
-def test_the_thesis_steps_end_at_the_same_circle(
-    make_arc, assert_same_circle, seed, arc_deg, sigma
-):
-    points = make_arc(seed, 26, arc_deg, sigma=sigma).points
-    thesis, ours = circle_by_appendix_a(points), Circle.from_points(points)
-    assert thesis.rms == pytest.approx(ours.rms, rel=1e-9)
-    assert_same_circle(thesis, ours, 1e-6)
 
 
 @given(seed=SEED)

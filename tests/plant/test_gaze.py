@@ -10,7 +10,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.arm.bending import Bending
-from nico_selfmodel.model.tree.body_model import BodyModel, load_body, save_body
+from nico_selfmodel.model.tree.body_model import load_body, save_body
 from nico_selfmodel.model.tree.body_tree import WORLD, Attached
 from nico_selfmodel.plant.looking.gaze import WITHIN_PX, GazeSolver
 from nico_selfmodel.systems.looking import HEAD_JOINTS, looking_body
@@ -21,6 +21,7 @@ from nico_selfmodel.systems.stations.whole_nico import WholeNico
 from nico_selfmodel.systems.tracking.gaze_controller import GazeController
 
 from ..slow_rest import slow_rest
+from ..true_nico import known_exactly
 
 HEAD = np.array([0.07, 0.0, 0.45])
 
@@ -28,16 +29,7 @@ HEAD = np.array([0.07, 0.0, 0.45])
 def model_of(seed):
     """A body that knows itself exactly, read in the counts of its own encoders."""
     nico = WholeNico.build(looking_body(), IMPERFECTIONS["thesis"], seed, NICO_CAMERAS)
-    mechanics, servos = nico.mechanics, nico.mechanics.servos
-    tree = mechanics.tree
-    zero = -servos.offset / servos.gear
-    turn = np.broadcast_to(np.eye(4), (18, 4, 4)).copy()
-    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(zero)
-    turn[:, 1, 0] = np.sin(zero)
-    turn[:, 0, 1] = -turn[:, 1, 0]
-    known = replace(tree, X_PJ=tree.X_PJ @ turn, gear=servos.gear)
-    limits = np.stack([mechanics.lower, mechanics.upper])
-    return BodyModel("whole", known, servos.radians_per_unit, limits=limits), nico
+    return known_exactly(nico.mechanics, nico.mechanics.tree), nico
 
 
 def points_before(rng, count):

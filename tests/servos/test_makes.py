@@ -54,10 +54,12 @@ def go_on(made, cycles):
 def test_making_and_connecting_moves_and_enables_nothing(make):
     made = virtual_arm(make=make)
     before = made.shafts()
+    assert made.port.time == 0.0
     made.arm.connect()
     made.port.sleep(1.0)
     assert made.shafts() == before
     assert not any(module.servo_on for module in made.modules)
+    assert not any(getattr(module, "amplifier", False) for module in made.modules)
     assert made.arm.state().valid.all()
     assert not made.arm.state().enabled.any()
 
@@ -158,7 +160,8 @@ def test_a_cable_that_is_pulled_is_an_error_and_the_arm_stops(virtual):
     virtual.arm.close()
     virtual.port.unplugged = False
     at = virtual.shafts()
-    virtual.arm.connect()
+    never_homed = virtual.arm.connect()
+    assert never_homed == (() if virtual.arm.config.make.keeps_zero else JOINTS)  # only trusted
     assert virtual.arm.cycle().enabled.all()  # they hold, nothing was reset
     virtual.port.sleep(0.5)
     assert virtual.shafts() == pytest.approx(at, abs=1.0)

@@ -1,13 +1,10 @@
 """A head that turns to a point, looks, and turns again until it has it in the middle."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
 from nico_selfmodel.errors import ModelError, RobotError
-from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.plant.looking.gaze import WITHIN_PX, GazeSolver
 from nico_selfmodel.recording.session import Body
 from nico_selfmodel.sessions.gazing import look_at
@@ -20,6 +17,7 @@ from nico_selfmodel.systems.simulated.sensors import StereoPixels
 from nico_selfmodel.systems.tracking.gaze_controller import GazeController
 
 from ..slow_rest import slow_rest
+from ..true_nico import known_exactly
 
 HAND = "right_hand_fiducial"
 
@@ -28,17 +26,8 @@ def robot_and_model(seed, wrong=True, session=0):
     """A whole Nico, and a body model that knows it exactly, but for zeros of the arms."""
     nico, _ = whole_nico(IMPERFECTIONS["thesis"], seed)
     mechanics = nico.mechanics
-    servos, tree = mechanics.servos, mechanics.tree
-    zero = -servos.offset / servos.gear
-    if wrong:
-        zero[6:] += 0.05
-    turn = np.broadcast_to(np.eye(4), (len(zero), 4, 4)).copy()
-    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(zero)
-    turn[:, 1, 0] = np.sin(zero)
-    turn[:, 0, 1] = -turn[:, 1, 0]
-    known = replace(tree, X_PJ=tree.X_PJ @ turn, gear=servos.gear)
-    limits = np.stack([mechanics.lower, mechanics.upper])
-    model = BodyModel("whole", known, servos.radians_per_unit, limits=limits)
+    arms = np.arange(len(mechanics.servos.joints)) >= 6
+    model = known_exactly(mechanics, mechanics.tree, 0.05 * arms if wrong else 0.0)
     instance = RobotInstance(mechanics, X_TB=nico.X_TB)
     return SimulatedRobot(instance, StereoPixels(0.3), (seed, session)), model, nico
 

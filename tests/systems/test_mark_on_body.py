@@ -151,11 +151,6 @@ def test_the_second_robot_can_be_marked_too(before):
     assert len(spots) > 4
 
 
-@pytest.mark.slow
-def test_no_camera_sees_head_or_chest_directly(seen):
-    assert seen.directly(("head", "chest"), 1, np.random.default_rng(2)).links == ()
-
-
 def test_a_step_of_colour_is_as_long_as_asked_for():
     rng = np.random.default_rng(4)
     for _ in range(20):

@@ -8,8 +8,6 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
-from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.planning.board_poses import board_poses
 from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
@@ -23,6 +21,8 @@ from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.tracking.hand_tracker import HandTracker
 from nico_selfmodel.systems.tracking.self_model_predictor import SelfModelPredictor
 from nico_selfmodel.systems.tracking.shared_search import fiducial_detectors
+
+from ..true_nico import true_rig
 
 ROUGH = ImageQuality(1)
 POSE = np.radians([-40.0, 15.0, -35.0, -55.0])
@@ -134,27 +134,9 @@ def test_pixels_are_where_the_true_cameras_project_the_true_hand():
     values = sensed(station)
     q = body.mechanics.servos.to_joint(values["encoders"])
     p_BH = body.mechanics.chain.forward(q, station.arm.markers.index("fiducial"))
-    plant_rig = true_rig(station, body)
+    plant_rig = true_rig(station.arm, body)
     found = values["pixels"][:4]
     assert found == pytest.approx(plant_rig.project(p_BH), abs=0.6)
-
-
-def true_rig(station, body):
-    """Return the true cameras in the frame of the arm's base, from a plant of the truth."""
-    from nico_selfmodel.plant import SelfModelPlant
-
-    built = SelfModelPlant.from_urdf(station.arm, body.model)
-    context = built.plant.CreateDefaultContext()
-    for joint, value in body.held.items():
-        built.plant.GetJointByName(joint, built.instance).set_angle(context, value)
-    cameras = []
-    for camera, link in zip(
-        body.rig.cameras, ("left_wide_camera", "right_wide_camera"), strict=True
-    ):
-        frame = built.plant.GetFrameByName(link, built.instance)
-        X_WF = frame.CalcPoseInWorld(context).GetAsMatrix4()
-        cameras.append(Camera.from_values(camera.values, camera.image_size, X_WF @ camera.X_WC))
-    return StereoRig(*cameras)
 
 
 def test_a_board_that_is_held_up_is_in_the_pictures_until_it_is_put_away(station):

@@ -36,8 +36,6 @@ class Trajectories:
 
     path: Path
     """The file, for messages."""
-    rate_hz: float
-    """Frames per second."""
     frames: npt.NDArray[np.int64]
     """Numbers of the frames, ascending. Shape (F,)."""
     points: dict[str, npt.NDArray[np.float64]]
@@ -94,7 +92,7 @@ def read_trajectories(
     top = _title_row(rows, path)
     if len(rows) < top + 6:
         raise DataError(f"{path}, line {lines[top]}: the block {_TITLE!r} has no frames")
-    rate_hz = _cell_number(rows[top + 1][0], f"{path}, line {lines[top + 1]}, frame rate")
+    _cell_number(rows[top + 1][0], f"{path}, line {lines[top + 1]}, frame rate")
     axes, units = rows[top + 3], rows[top + 4]
     _check_axes(axes, path, lines[top + 3])
     columns = _marker_columns(rows[top + 2], markers, f"{path}, line {lines[top + 2]}")
@@ -107,7 +105,7 @@ def read_trajectories(
         where = [f"{path}, line {line}, marker {marker!r}" for line in lines]
         measured = [_point(row, column, place) for row, place in zip(rows, where, strict=True)]
         points[marker] = np.array(measured) / scale
-    return Trajectories(path, rate_hz, frames, points)
+    return Trajectories(path, frames, points)
 
 
 def _title_row(rows: list[list[str]], path: Path) -> int:

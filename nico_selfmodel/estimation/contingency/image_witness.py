@@ -59,8 +59,6 @@ class ImageVerdict:
     """`MIRROR`, `PICTURE`, `ANOTHER` or `CANNOT_TELL`."""
     looks: int
     """How often it was seen."""
-    mirrored: int
-    """How often it was turned round."""
     depth_mm: float
     """Root mean square distance of what was seen from a plane [mm]."""
     depth_sigma_mm: float
@@ -89,7 +87,7 @@ def tell_image(seen: HandImages, model: SelfModel) -> ImageVerdict:
     looks, turned = len(seen.pixels), int(np.sum(seen.mirrored))
     if looks < FEWEST:
         nan = float("nan")
-        return ImageVerdict(CANNOT_TELL, looks, turned, nan, nan, nan, nan)
+        return ImageVerdict(CANNOT_TELL, looks, nan, nan, nan, nan)
     off, sigma = _off_plane(seen, model)
     p_WH = model.points(model.servos.to_joint(seen.readings))
     hand = Plane.from_points(p_WH).distance_to(p_WH)
@@ -104,7 +102,7 @@ def tell_image(seen: HandImages, model: SelfModel) -> ImageVerdict:
     depth, noise, own = (
         1e3 * float(np.sqrt(np.mean(np.square(each)))) for each in (off, sigma, hand)
     )
-    return ImageVerdict(verdict, looks, turned, depth, noise, own, mirror_px)
+    return ImageVerdict(verdict, looks, depth, noise, own, mirror_px)
 
 
 def _off_plane(seen: HandImages, model: SelfModel) -> tuple[NDArray, NDArray]:

@@ -31,8 +31,6 @@ class MotionResponse:
     """P(y_t = 1 | y_(t-1) = 0): how often what moves begins to."""
     stays: float
     """P(y_t = 1 | y_(t-1) = 1)."""
-    margin: float
-    """Log odds of this delay against the next best one that shares no reading with it."""
 
     def __post_init__(self) -> None:
         """Make the array read-only."""
@@ -108,7 +106,7 @@ def learn_response(
         for was in (False, True)
     )
     unprompted = (false_alarms + 0.5) / (len(y) + 1.0)
-    return MotionResponse(period, delay, rates, unprompted, started, stayed, margin)
+    return MotionResponse(period, delay, rates, unprompted, started, stayed)
 
 
 def series(moved: ArrayLike, seen: ArrayLike) -> tuple[NDArray, NDArray]:

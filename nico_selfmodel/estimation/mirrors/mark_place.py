@@ -78,8 +78,6 @@ class Spot:
 
     kind: str
     """`ON_ME`, `ON_GLASS` or `NOT_ON_ME`."""
-    pixels: NDArray
-    """Left u, v and right u, v [px]. Shape (4,)."""
     place: LinkPlace | None
     """Where on a link, if on me."""
     chi_square: float
@@ -134,14 +132,14 @@ def spot_of(
     height = float(plane.distance_to(p_WQ))
     on_glass = height**2 / float(variance)
     if on_glass < GATE_1:
-        return Spot(ON_GLASS, read_only(pixels), None, on_glass)
+        return Spot(ON_GLASS, None, on_glass)
     shares = (sigma.own / asked) ** 2, (sigma.alike / asked) ** 2
     on_me = None
     if height < 0.0:
         on_me = _on_body(pixels, p_WQ, covariance, shares, mirror, rig, body)
     if on_me is None or on_me.chi_square > GATE_1:
         best = on_glass if on_me is None else min(on_glass, on_me.chi_square)
-        return Spot(NOT_ON_ME, read_only(pixels), None, best)
+        return Spot(NOT_ON_ME, None, best)
     return on_me
 
 
@@ -195,7 +193,7 @@ def _on_body(
         R_FW @ C @ R_FW.T,
     )
     variance += body.place_sigma[link] ** 2 + _common_along(normal, slopes, ways, body)
-    return Spot(ON_ME, read_only(pixels), place, off**2 / variance)
+    return Spot(ON_ME, place, off**2 / variance)
 
 
 def _common_along(

@@ -38,10 +38,6 @@ class MirrorCameras:
 
     cameras: tuple[Camera, ...]
     """They see real points where the cameras see reflections; their frames are left-handed."""
-    start: Mirror
-    """The thesis' mean plane."""
-    converged: bool
-    """Whether both refinements reached a minimum."""
 
     def evaluate(self, reflections: Reflections) -> MirrorEvaluation:
         """Hold the cameras against reflections in the same mirror."""
@@ -73,7 +69,7 @@ def fit_mirror_cameras(reflections: Reflections) -> MirrorCameras:
         )
     start = Mirror.from_plane(mean_plane(reflections.p_LQ[both], virtual[both]))
     plane = start.plane_in(reflections.cameras[0].X_WC)
-    cameras, converged = [], True
+    cameras = []
     for c, camera in enumerate(reflections.cameras):
         pixels = reflections.pixels[:, 2 * c : 2 * c + 2]
         rows = np.isfinite(pixels).all(axis=1)
@@ -81,10 +77,8 @@ def fit_mirror_cameras(reflections: Reflections) -> MirrorCameras:
         program = CalibrationProgram()
         program.add_variables(block.names, np.zeros(6))
         program.add_residuals(block)
-        found = program.solve()
-        cameras.append(block.camera(found.x))
-        converged &= found.converged
-    return MirrorCameras(tuple(cameras), start, converged)
+        cameras.append(block.camera(program.solve().x))
+    return MirrorCameras(tuple(cameras))
 
 
 class _PoseResiduals:

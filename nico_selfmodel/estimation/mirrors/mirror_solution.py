@@ -51,8 +51,6 @@ class MirrorSolution:
     """Whether the solver reached a minimum."""
     iterations: int
     """Of the last adjustment."""
-    history: tuple[float, ...]
-    """Cost after each step of the last adjustment."""
     shared: NDArray | None = None
     """Covariance of all planes' values with what arm and cameras are wrong by, the parameters of
     `reflections.shared`; None where nothing is known of these. Shape (3 M, K)."""
@@ -164,7 +162,6 @@ def _solution(
         uncertainty,
         found.solution.converged,
         found.iterations,
-        found.solution.history,
         shared,
     )
 

@@ -65,8 +65,6 @@ class Reflections:
     """Number of the sample of each row. Shape (N,)."""
     pose: NDArray
     """Number of the pose of each row; samples with equal readings are one pose. Shape (N,)."""
-    rows: NDArray
-    """Row of the data set behind each row here. Shape (N,)."""
     shared: SharedErrors | None = field(default=None)
     """What is wrong with all rows alike; None where that is not known."""
     q: NDArray | None = field(default=None)
@@ -113,7 +111,6 @@ class Reflections:
             points.by_angle,
             dataset.sample[rows],
             dataset.pose[rows],
-            rows,
             points.shared,
             points.q,
         )
@@ -134,7 +131,7 @@ class Reflections:
 
     def select(self, keep: NDArray) -> "Reflections":
         """Return the chosen rows. `keep` is a boolean mask or an index."""
-        arrays = ("mirror", "pixels", "p_WQ", "covariance", "by_angle", "sample", "pose", "rows")
+        arrays = ("mirror", "pixels", "p_WQ", "covariance", "by_angle", "sample", "pose")
         shared = self.shared
         if shared is not None:
             shared = replace(shared, by_parameter=shared.by_parameter[keep])

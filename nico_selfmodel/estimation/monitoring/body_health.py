@@ -1,7 +1,5 @@
 """Whether a body of any tree still fits what is known of it; see `health`."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,8 +8,7 @@ from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import SIGHTS
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.monitoring.body_causes import body_causes, body_changes
-from nico_selfmodel.estimation.monitoring.diagnosis import ranked_causes
-from nico_selfmodel.estimation.monitoring.health import HealthReport, in_turn, watched
+from nico_selfmodel.estimation.monitoring.health import HealthReport, watched
 from nico_selfmodel.estimation.monitoring.white_poses import white_poses
 from nico_selfmodel.estimation.noise.contradictions import (
     LEAST_SHARE,
@@ -51,16 +48,7 @@ def check_body_health(model: BodyModel, data: BodyDataset) -> HealthReport:
     poses, share = _seen_poses(model, data)
     noise, covariance = with_tail(model), shown_covariance(model, poses)
     causes = body_causes(model.tree, poses.names)
-    changes = body_changes(model.tree, causes)
-    report = watched(poses, noise, covariance, changes, share)
-    if report.alarm_at is None or report.changed_at is None:
-        return report
-    since, found = in_turn(
-        lambda at: ranked_causes(poses, noise, covariance, causes, at),
-        report.changed_at,
-        report.alarm_at,
-    )
-    return replace(report, changed_at=since, diagnoses=found)
+    return watched(poses, noise, covariance, body_changes(model.tree, causes), causes, share)
 
 
 def false_share(detections: NDArray) -> float:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.monitoring.change_likelihood import ChangeEstimate, ChangeLikelihood
 from nico_selfmodel.estimation.monitoring.monitored_changes import RIGHT_POSE, left_camera
-from nico_selfmodel.estimation.noise.hand_observations import covariance_of
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 from nico_selfmodel.geometry.rotation import skew
 from nico_selfmodel.model.arm.dh_parameters import M0_NAMES
@@ -60,38 +59,20 @@ class Diagnosis:
     ratio. Shape (N,)."""
 
 
-def diagnose(
-    model: SelfModel, poses: PoseResiduals, noise: NoiseMixture, since: int
-) -> tuple[Diagnosis, ...]:
-    """Rank what may have changed by how well it explains the poses.
-
-    Args:
-        model: The body as it was.
-        poses: Before and after the change; those before tell the model's own errors.
-        noise: What disturbs them.
-        since: First pose after the change.
-
-    Returns:
-        Explanations, the best first.
-    """
-    covariance = covariance_of(model, poses.names)
-    return ranked_causes(poses, noise, covariance, hypotheses(model, poses.names), since)
-
-
 def ranked_causes(
     poses: PoseResiduals,
     noise: NoiseMixture,
     covariance: NDArray,
-    candidates: Iterable[Hypothesis],
+    causes: Iterable[Hypothesis],
     since: int,
 ) -> tuple[Diagnosis, ...]:
-    """Rank candidates by how well each explains the poses, of whatever body.
+    """Rank what may have changed by how well it explains the poses, of whatever body.
 
     Args:
-        poses: Before and after the change.
+        poses: Before and after the change; those before tell the model's own errors.
         noise: What disturbs them.
         covariance: Of the poses' parameters. Shape (P, P).
-        candidates: What may have changed.
+        causes: What may have changed.
         since: First pose after the change.
 
     Returns:
@@ -101,7 +82,7 @@ def ranked_causes(
     unchanged = likelihood.of(np.zeros((len(poses.names), 0)), since).log_likelihood
     return ranked(
         diagnosed(hypothesis, likelihood.of(hypothesis.basis, since), unchanged)
-        for hypothesis in candidates
+        for hypothesis in causes
     )
 
 

@@ -7,7 +7,7 @@ false detection looks. Poses here and there that contradict raise none either; a
 them than false detections explain does not pass (`contradictions`).
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.dataset import Dataset
-from nico_selfmodel.estimation.monitoring.diagnosis import Diagnosis, diagnose
+from nico_selfmodel.estimation.monitoring.diagnosis import (
+    Diagnosis,
+    Hypothesis,
+    hypotheses,
+    ranked_causes,
+)
 from nico_selfmodel.estimation.monitoring.encoder_jumps import with_large_slips
 from nico_selfmodel.estimation.monitoring.monitor import THRESHOLD, Monitor, chance_of_false_alarm
 from nico_selfmodel.estimation.monitoring.monitored_changes import (
@@ -99,13 +104,12 @@ def check_health(model: SelfModel, dataset: Dataset, sensor: str = "auto") -> He
     observations = hand_observations_of(model, dataset, sensor)
     poses = PoseResiduals.of(observations)
     noise = expected_noise(model, poses.sensor, dataset)
-    covariance = covariance_of(model, poses.names)
-    report = watched(poses, noise, covariance, monitored_changes(model, poses.names))
-    if report.alarm_at is None or report.changed_at is None:
+    covariance, causes = covariance_of(model, poses.names), hypotheses(model, poses.names)
+    report = watched(poses, noise, covariance, monitored_changes(model, poses.names), causes)
+    since, found = report.changed_at, report.diagnoses
+    if since is None:
         return report
-    changed_at, found = dated(model, poses, noise, report.changed_at, report.alarm_at)
-    found = with_large_slips(model, dataset, sensor, noise, changed_at, found)
-    return replace(report, changed_at=changed_at, diagnoses=found)
+    return replace(report, diagnoses=with_large_slips(model, dataset, sensor, noise, since, found))
 
 
 def watched(
@@ -113,6 +117,7 @@ def watched(
     noise: NoiseMixture,
     covariance: NDArray,
     changes: MonitoredChanges,
+    causes: Sequence[Hypothesis],
     share: float | None = None,
 ) -> HealthReport:
     """Watch a body of any kind over poses, in their order.
@@ -122,60 +127,57 @@ def watched(
         noise: What is expected to disturb them.
         covariance: Of the poses' parameters. Shape (P, P).
         changes: What is looked for.
+        causes: What may have changed.
         share: Of poses with false detections; what the noise says if omitted.
 
     Returns:
-        Whether it fits, and since when not, as far as the monitor saw; no cause yet.
+        Whether it fits, and since when not and why.
     """
     density = MixtureDensity(poses, noise, covariance)
     steps = changes.steps(density, poses.residuals, poses.slopes)
-    monitor, alarm_at, course = Monitor.of(changes.weights), None, np.zeros(len(poses))
+    monitor, course = Monitor.of(changes.weights), np.zeros(len(poses))
+    alarm_at, since, found = None, None, ()
     for i, step in enumerate(steps):
         monitor = monitor.after(step)
         course[i:] = monitor.log_ratio
         if monitor.alarm:
             alarm_at = i
+            since, found = dated(poses, noise, covariance, causes, monitor.changed_at, alarm_at)
             break
-    since = None if alarm_at is None else monitor.changed_at
     nis = density.nis(poses.residuals)
     against = Contradictions.of(poses, density, share)
-    return HealthReport(poses.sample, nis, poses.dof, course, alarm_at, since, (), noise, against)
+    return HealthReport(
+        poses.sample, nis, poses.dof, course, alarm_at, since, found, noise, against
+    )
 
 
 def dated(
-    model: SelfModel, poses: PoseResiduals, noise: NoiseMixture, since: int, alarm_at: int
+    poses: PoseResiduals,
+    noise: NoiseMixture,
+    covariance: NDArray,
+    causes: Sequence[Hypothesis],
+    since: int,
+    alarm_at: int,
 ) -> tuple[int, tuple[Diagnosis, ...]]:
     """Return since when a body is another, and why: each by the other, in turn.
 
     Args:
-        model: The body as it was.
         poses: All poses.
         noise: What disturbs them.
+        covariance: Of the poses' parameters. Shape (P, P).
+        causes: What may have changed.
         since: The first guess.
         alarm_at: The change was no later.
 
     Returns:
         First pose after the change, and explanations, the best first.
     """
-    return in_turn(lambda at: diagnose(model, poses, noise, at), since, alarm_at)
-
-
-def in_turn(
-    look: Callable[[int], tuple[Diagnosis, ...]], since: int, alarm_at: int
-) -> tuple[int, tuple[Diagnosis, ...]]:
-    """Return since when a body is another, and why, by who ranks causes for a first pose.
-
-    Args:
-        look: From the first pose after a change to explanations, the best first.
-        since: The first guess.
-        alarm_at: The change was no later.
-    """
-    found = look(since)
+    found = ranked_causes(poses, noise, covariance, causes, since)
     for _ in range(_LOOKS):
         # The sum over all poses from each one on.
         said = np.cumsum(found[0].of_pose[::-1])[::-1]
         after = int(np.argmax(said[: alarm_at + 1]))
         if after == since:
             break
-        since, found = after, look(after)
+        since, found = after, ranked_causes(poses, noise, covariance, causes, after)
     return since, found

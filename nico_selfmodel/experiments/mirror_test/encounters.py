@@ -49,8 +49,6 @@ _DAY = 6
 class Trial:
     """One encounter, and what was thought of it."""
 
-    robot: int
-    """Seed of the robot."""
     encounter: str
     """What it was, which the robot was not told."""
     found: Contingency
@@ -143,7 +141,7 @@ def _meet(
         for k, encounter in enumerate(encounters):
             rng = np.random.default_rng((robot.seed, 43, k))
             found = _judged(session, encounter, poses, response, rng)
-            trials.append(Trial(robot.seed, encounter.name, found))
+            trials.append(Trial(encounter.name, found))
             stage("meeting others", k + 1, len(encounters))
     return trials, response
 

@@ -49,8 +49,6 @@ _DAY = 9
 class ImageTrial:
     """One image, and what was thought of it."""
 
-    robot: int
-    """Seed of the robot."""
     shown: str
     """What it was, which the robot was not told."""
     found: ImageVerdict
@@ -81,7 +79,7 @@ def run_images(robots: Sequence[Acquainted], progress: Stage | None = None) -> I
     for i, robot in enumerate(robots):
         stage = of_robot(progress, i, len(robots))
         for k, shown in enumerate(ALLOWED):
-            done.append(ImageTrial(robot.seed, shown, _told(robot, shown)))
+            done.append(ImageTrial(shown, _told(robot, shown)))
             stage("telling images of itself", k + 1, len(ALLOWED))
     return ImageStage(tuple(done))
 

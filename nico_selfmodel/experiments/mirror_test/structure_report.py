@@ -166,6 +166,6 @@ def structure_chart(stage: StructureStage) -> Any:
     """Draw the shape that the first robot learned, which learned any: errors, sigmas and cuts."""
     first = next(one.robot for one in stage.links if len(one.off))
     own = [one for one in stage.links if one.robot == first and len(one.off)]
-    shown = [ShownLink(one.link, one.mesh, one.p_LT, one.sigma) for one in own]
+    shown = [ShownLink(one.mesh, one.p_LT, one.sigma) for one in own]
     mm = 1e3 * np.median(np.abs(np.concatenate([one.off for one in own])))
     return structure_plot(shown, f"Head and chest as learned in mirrors: {mm:.1f} mm off (median)")

@@ -47,10 +47,6 @@ class Executed:
 class TouchTrial:
     """One place: what the robot planned, and how it went."""
 
-    robot: int
-    """Seed of the robot."""
-    link: str
-    """Link of the place."""
     radius: float
     """Of the mark [m]."""
     way_exists: bool
@@ -205,7 +201,7 @@ def _plans(
         if isinstance(plan, Touch):
             mark = Mark(link, p_FM, DIAMETER, np.ones(3))
             way = judge.go(plan, mark, normal, rng)
-            done.append(TouchTrial(seed, link, 0.5 * DIAMETER, True, plan, way))
+            done.append(TouchTrial(0.5 * DIAMETER, True, plan, way))
     return done, drawn
 
 
@@ -254,4 +250,4 @@ def _touched(
     mark, normal = true
     exists = judge.way_exists(mark, normal, plan, rng)
     done = judge.go(plan, mark, normal, rng) if isinstance(plan, Touch) else None
-    return TouchTrial(seed, mark.link, 0.5 * mark.diameter, exists, plan, done)
+    return TouchTrial(0.5 * mark.diameter, exists, plan, done)

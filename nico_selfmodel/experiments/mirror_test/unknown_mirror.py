@@ -17,10 +17,6 @@ HAND, WHOLE = "its hand", "its hand, head and chest"
 class MirrorPlace:
     """How far one mirror is from where a robot says it stands."""
 
-    robot: int
-    """Seed of the robot."""
-    mirror: str
-    """Which of its mirrors."""
     by: str
     """`HAND` or `WHOLE`."""
     angle: float
@@ -54,14 +50,14 @@ def place_mirrors(robots: Sequence[Knowing], refusals: Sequence[Refusal] = ()) -
         for by, mirrors in ((HAND, known.robot.model.mirrors), (WHOLE, known.body.places)):
             for name, view in known.before.views.items():
                 true, own = truth.mirror(view.X_BM), mirrors[name]
-                found.append(_place(known.robot.seed, name, by, own, true))
+                found.append(_place(by, own, true))
     return MirrorsStage(tuple(found), tuple(refusals))
 
 
-def _place(robot: int, name: str, by: str, own: Mirror, true: Mirror) -> MirrorPlace:
+def _place(by: str, own: Mirror, true: Mirror) -> MirrorPlace:
     """Compare one mirror with the true one, both before the left camera."""
     assert own.covariance is not None, "a learned mirror has a covariance"
     angle = float(np.linalg.norm(np.cross(own.normal, true.normal)))
     off = own.values - true.values
     chi_square = float(off @ np.linalg.solve(own.covariance, off))
-    return MirrorPlace(robot, name, by, angle, own.distance - true.distance, chi_square)
+    return MirrorPlace(by, angle, own.distance - true.distance, chi_square)

@@ -7,7 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.geometry.epipolar import (
     epipolar_distances,
-    epipolar_lines,
     essential,
     homogeneous,
 )
@@ -203,11 +202,6 @@ class StereoRig:
             ],
             axis=1,
         )
-
-    def epipolar_lines(self, left_pixels: ArrayLike) -> NDArray:
-        """Return lines in the undistorted right image for pixels of the left. Shape (N, 3)."""
-        left = homogeneous(self.left.undistort(left_pixels)) @ self.left.K[:2].T
-        return epipolar_lines(self.fundamental(), left)
 
     def epipolar_errors(self, pixels: ArrayLike) -> NDArray:
         """Return distances of undistorted pixels from the other camera's epipolar lines [px].

@@ -79,19 +79,11 @@ class SeenSurface:
             across: Diameter of what is put there: a disc that lies so flat to a line of sight that
                 it looks narrower than a pixel is not seen [m].
         """
-        p_LQ, on = self._followed(True, links, rng)
+        p_LQ, on = self._followed(links, rng)
         for camera in self._rig.cameras:
             kept = self._sees(camera, p_LQ, True) & ~self._sees(camera, p_LQ, False)
             if across:
                 kept[kept] = self._width(camera, p_LQ[kept], across) >= _NARROWEST
-            p_LQ, on = p_LQ[kept], on[kept]
-        return self._placed(p_LQ[:count], on[:count])
-
-    def directly(self, links: Sequence[str], count: int, rng: np.random.Generator) -> SeenPlaces:
-        """Return places that both cameras see directly; arguments as of `in_mirror_only`."""
-        p_LQ, on = self._followed(False, links, rng)
-        for camera in self._rig.cameras:
-            kept = self._sees(camera, p_LQ, False)
             p_LQ, on = p_LQ[kept], on[kept]
         return self._placed(p_LQ[:count], on[:count])
 
@@ -103,19 +95,15 @@ class SeenSurface:
         ]
         return SeenPlaces(names, np.reshape(own, (-1, 3)))
 
-    def _followed(
-        self, mirrored: bool, links: Sequence[str], rng: np.random.Generator
-    ) -> tuple[NDArray, NDArray]:
-        """Follow random pixels of the left camera to where they end. Shapes (N, 3) and (N,)."""
+    def _followed(self, links: Sequence[str], rng: np.random.Generator) -> tuple[NDArray, NDArray]:
+        """Follow random pixels of the left camera in the mirror. Shapes (N, 3) and (N,)."""
         camera = self._rig.left
         pixels = rng.uniform(0.0, np.array(camera.image_size) - 1.0, (_TRIED, 2))
         ways = camera.directions(pixels) @ camera.X_WC[:3, :3].T
         ways = ways[np.isfinite(ways).all(axis=1)]
-        start = camera.X_WC[:3, 3]
-        if mirrored:
-            ways = ways - 2.0 * (ways @ self._mirror.normal)[:, None] * self._mirror.normal
-            start = reflect(self._mirror, start)
-        p_LQ = onto_solids(self._solids, self._before_glass(start, ways, mirrored), ways)
+        ways = ways - 2.0 * (ways @ self._mirror.normal)[:, None] * self._mirror.normal
+        start = reflect(self._mirror, camera.X_WC[:3, 3])
+        p_LQ = onto_solids(self._solids, self._before_glass(start, ways, True), ways)
         met = np.flatnonzero(np.isfinite(p_LQ).all(axis=1))
         on = distance_to_solids(self._solids, p_LQ[met])[1]
         wanted = np.isin([self._links[k] for k in on], list(links))

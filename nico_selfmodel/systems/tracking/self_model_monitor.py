@@ -13,7 +13,7 @@ from nico_selfmodel.dataset.approach import Sides
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.estimation.monitoring.diagnosis import Diagnosis, diagnose
+from nico_selfmodel.estimation.monitoring.diagnosis import Diagnosis, hypotheses, ranked_causes
 from nico_selfmodel.estimation.monitoring.health import dated
 from nico_selfmodel.estimation.monitoring.monitor import Monitor
 from nico_selfmodel.estimation.monitoring.monitored_changes import monitored_changes
@@ -89,7 +89,7 @@ class SelfModelMonitor(LeafSystem):
         self._sensor = "pixels" if self._by_pixels else "points"
         self._joints = _joints_of(model)
         names = model.parameters.names + (model.rig.names if self._by_pixels else ())
-        self._covariance = covariance_of(model, names)
+        self._covariance, self._causes = covariance_of(model, names), hypotheses(model, names)
         self._changes = monitored_changes(model, names)
         self._noise = expected_noise(model, self._sensor)
         self._encoders = self.DeclareVectorInputPort("encoders", len(model.joints))
@@ -135,13 +135,14 @@ class SelfModelMonitor(LeafSystem):
         recent = recent.select(slice(lost, None))
         if not monitor.alarm:
             return MonitorState(monitor, before.sides, recent=recent)
+        what = recent, self._noise, self._covariance, self._causes
         if before.since is None:
             count = len(recent)
             first = max(count - (monitor.poses - monitor.changed_at), 0)
-            since, found = dated(self.model, recent, self._noise, first, count - 1)
+            since, found = dated(*what, first, count - 1)
         else:
             since = max(before.since - lost, 0)
-            found = diagnose(self.model, recent, self._noise, since)
+            found = ranked_causes(*what, since)
         return MonitorState(monitor, before.sides, np.nan, recent, since, found[0])
 
     def _pose(self, encoders: NDArray, seen: NDArray, sides: Sides) -> Dataset:

@@ -24,8 +24,6 @@ _SLICE = 4e-3
 class ShownLink:
     """One link's learned surface and what it is off by."""
 
-    link: str
-    """Its name."""
     mesh: TriangleMesh
     """In the frame of a camera that looks along z, x to the right and y down."""
     p_LT: NDArray
