@@ -136,12 +136,13 @@ def test_detect_tells_which_corners_it_saw(photographs, tmp_path, command):
 
 def test_wrong_words_are_one_line(photographs, tmp_path, command):
     out = tmp_path / "out"
-    left, other = f"{photographs}/cam0/00[0-2].png", f"{photographs}/cam1/00[1-3].png"
+    left, other = f"{photographs}/cam0/00[0-1].png", f"{photographs}/cam1/00[1-2].png"
     to = ("--out", out, "-q")
+    three = f"{photographs}/cam0/00[0-2].png"
     camera = ("calibrate", "camera", left, *to, "--square-mm", "25")
     stereo = ("calibrate", "stereo", *BOARD, *to)
     rig, third = ("calibrate", "cameras", *BOARD, *to), f"{photographs}/cam2/0[01][0289].png"
-    two = ("--images", f"a={left}", "--images", f"b={photographs}/cam1/00[0-2].png")
+    two = ("--images", f"a={left}", "--images", f"b={photographs}/cam1/00[0-1].png")
     sheet = ("markers", "board", "--out", tmp_path / "b.pdf")
     cases = [
         ((*camera, "--board", "charucco:7x5"), "did you mean 'charuco'"),
@@ -153,7 +154,7 @@ def test_wrong_words_are_one_line(photographs, tmp_path, command):
         ((*rig, photographs / "cam0"), "a folder with photographs for each camera"),
         ((*rig, "--images", left), "give NAME=PATTERN"),
         ((*rig, "--images", f"a={left}", "--images", f"a={left}"), "another camera a"),
-        ((*rig, "--images", f"a={left}", "--images", f"b={third}"), "boards in common"),
+        ((*rig, "--images", f"a={three}", "--images", f"b={third}"), "boards in common"),
         ((*camera, *BOARD[:2], "--lens", "round"), "there are auto, polynomial, rational, fisheye"),
         ((*camera, *BOARD[:2], "--lens", "left=round"), "no lens 'round'; there are polynomial"),
         ((*camera, *BOARD[:2], "--lens", "left=fisheye,"), "NAME=LENS of each camera"),

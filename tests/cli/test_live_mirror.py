@@ -27,7 +27,7 @@ def model_before(mirrors):
         ("=300,0,0", "needs a name"),
         ("glass=1,2", "expected ID=distance"),
         ("far", "--mirror far=MM,DEG,DEG"),
-        ("glass=3000,0,0", "hardly any pose"),
+        pytest.param("glass=3000,0,0", "hardly any pose", marks=pytest.mark.slow),
     ],
 )
 def test_mirrors_that_cannot_be_shown_are_refused_in_one_line(words, reason, tmp_path, command):

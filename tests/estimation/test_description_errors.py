@@ -73,7 +73,7 @@ def test_parameters_without_such_priors_keep_theirs():
     assert expected_priors(priors, (), NAMES, dict.fromkeys(NAMES, 0.0), (U, u)) == priors
 
 
-@pytest.mark.parametrize("few", slow_rest([2, 1, 3, 6]))
+@pytest.mark.parametrize("few", slow_rest([2, 1, 3, 6], plain=0))
 def test_what_only_a_description_tells_is_off_as_far_as_is_claimed_be_few_parts_told(few):
     told = [asked(seed, 0.0173, 0.0058, told=slice(0, few))[0] for seed in range(200)]
     # A part that nothing tells is off by 0.0173.

@@ -27,7 +27,7 @@ def exchanged_words(data):
     return [w for w in judge(calibrate_tree(data, effects=())).warnings if "exchanged" in w]
 
 
-@pytest.mark.parametrize("share", slow_rest([0.12, 0.3]))
+@pytest.mark.parametrize("share", slow_rest([0.12, 0.3], plain=0))
 def test_tags_exchanged_in_part_of_a_recording_are_named(share):
     made = two_arms(11, poses=POSES, tags_each=4)
     first, second = (marker.name for marker in made.data.markers[:2])

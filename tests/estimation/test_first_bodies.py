@@ -138,7 +138,8 @@ def described(tree, seed, degrees=1.0, millimetres=5.0):
     return Description(replace(tree, X_PJ=off, markers=markers, sensors=sensors))
 
 
-@pytest.mark.parametrize("f", [450.0, pytest.param(1500.0, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("f", [450.0, 1500.0])
 def test_a_robot_that_is_described_tells_the_lens_of_the_camera_that_looks_at_it(f):
     lens = Camera(f, f, 330.0, 230.0, (640, 480), k1=-0.1, k2=0.02)
     eye = np.array(RING[0]) * (f / 600.0) ** 0.7

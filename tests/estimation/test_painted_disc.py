@@ -15,6 +15,8 @@ from nico_selfmodel.geometry.solids.solid import (
 )
 from nico_selfmodel.geometry.transform import transform
 
+from ..slow_rest import slow_rest
+
 NOISE, RADIUS, PIXEL = 2.0, 5e-3, 1.5e-3
 BALL = Solid("ellipsoid", (0.06, 0.06, 0.06), np.eye(4))
 CAP = Solid("box", (0.13, 0.13, 0.06), transform(np.eye(3), [0.0, 0.0, 0.05]))
@@ -90,7 +92,7 @@ CASES = {
 """Solids, a place on them, and how far off the middle of what is seen there is at least [mm]."""
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", slow_rest(CASES, plain=2))
 def test_the_middle_is_that_of_the_disc_not_of_what_is_seen_of_it(case):
     solids, x, least = CASES[case]
     along = tangent_basis(normals_of_solids(solids, x[None])[0]).T

@@ -21,7 +21,7 @@ ELBOW = 3
 NAMED = r"right_elbow \((module|id) 4\)"
 
 
-@pytest.fixture(params=MAKES)
+@pytest.fixture(params=slow_rest(MAKES, plain=2))
 def virtual(request):
     """Return an arm of each make in virtual time: connected, enabled, its zero trusted."""
     made = virtual_arm(make=request.param)
@@ -30,7 +30,7 @@ def virtual(request):
     return made
 
 
-@pytest.fixture(params=MAKES[1:])
+@pytest.fixture(params=slow_rest(MAKES[1:]))
 def servos(request):
     """Return an arm of servos with registers."""
     made = virtual_arm(make=request.param)

@@ -62,7 +62,7 @@ def outputs(system):
     return [system.get_output_port(k) for k in range(system.num_output_ports())]
 
 
-@pytest.mark.parametrize("plate", slow_rest([MirrorPlate(), None]))
+@pytest.mark.parametrize("plate", slow_rest([None, MirrorPlate()]))
 def test_a_station_that_was_closed_refuses_every_port(plate):
     with NicoStation("thesis", 3, quality=ROUGH, mirror=plate) as station:
         context = station.CreateDefaultContext()

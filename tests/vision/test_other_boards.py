@@ -82,7 +82,7 @@ def assert_true(kind, seeds, prints):
     assert np.sqrt(np.mean(errors**2)) <= 0.1
 
 
-@pytest.mark.parametrize("kind", slow_rest(["circles", "asymmetric", "april", "charuco"]))
+@pytest.mark.parametrize("kind", slow_rest(["april", "circles", "asymmetric", "charuco"]))
 def test_points_are_where_they_are(kind, prints):
     assert_true(kind, range(2), prints)
 

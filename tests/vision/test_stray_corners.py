@@ -118,13 +118,16 @@ def test_what_is_seen_beside_glare_is_where_it_is(seed):
 
 
 @pytest.mark.parametrize(
-    ("columns", "rows", "share"), slow_rest([(7, 5, 0.4), (9, 6, 0.5), (9, 6, 0.75)])
+    ("columns", "rows", "share", "seeds"),
+    slow_rest(
+        [(7, 5, 0.4, (0,)), (7, 5, 0.4, (1, 2, 3, 4)), *((9, 6, s, range(5)) for s in (0.5, 0.75))]
+    ),
 )
-def test_a_charuco_board_is_no_chessboard(columns, rows, share):
+def test_a_charuco_board_is_no_chessboard(columns, rows, share, seeds):
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_6X6_250)
     board = cv2.aruco.CharucoBoard((columns + 1, rows + 1), 1.0, share, dictionary)
     texture = board.generateImage(((columns + 1) * 40, (rows + 1) * 40)) > 128
-    for seed in range(5):
+    for seed in seeds:
         rng = np.random.default_rng(seed)
         H = random_view(rng, 380, (640, 480), tilt=0.5, center=(320, 240))
         half = 20.0 * (max(columns, rows) + 1)
