@@ -6,12 +6,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset.body.sensors import CAMERA
+from nico_selfmodel.dataset.body.sensors import CAMERA, SensorInfo
 from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.results.calibration_result import FAILURE, NOTE, WARNING
+from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, severity_of
 from nico_selfmodel.estimation.tree.contradictions.wrong_readings import poses_off
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+from nico_selfmodel.estimation.tree.tree_result import tree_result
+from nico_selfmodel.estimation.tree.tree_setup import Description
 
-from .simulated_trees import one_arm, two_arms
+from ..slow_rest import slow_rest
+from .simulated_trees import (
+    assembled,
+    looking_at,
+    observed,
+    one_arm,
+    serial,
+    tags,
+    turned,
+    two_arms,
+)
+from .test_boards_in_hand import with_boards
 from .test_one_problem import KNOWN, flange_dataset, hand_eye_poses
 
 
@@ -49,6 +64,62 @@ def test_a_target_of_another_size_fails_by_its_factor():
     assert wrong.status == "FAIL"
     assert "times as long as all else says" in wrong.reasons[0]
     assert 1.03 < float(wrong.reasons[0].split(" measured is ")[1].split()[0]) < 1.07
+
+
+def tag_before_a_camera(seed, factor):
+    """An arm with a tag whose poses are too long by a factor, and its description a little off."""
+    rng = np.random.default_rng(seed)
+    names = [f"j{i + 1}" for i in range(6)]
+    chain, frames = serial(rng, names, "world", 0.5)
+    infos, attached = tags(rng, "hand", names[-1], 1)
+    sensors = [SensorInfo("camera", "poses")]
+    places = [looking_at(np.array([1.3, 0.2, 0.4]), [0.0, 0.0, 0.3])]
+    tree = assembled(chain, frames, infos, attached, sensors, places, {})
+    q, sigma = rng.uniform(-1.2, 1.2, size=(60, 6)), {"points": 5e-4, "turn": 2e-3}
+    data = observed(tree, chain, infos, sensors, q, rng, joint_sigma=1e-3, sigma=sigma)
+    values = data.observations.values * np.append(np.full(3, factor), np.ones(3))
+    off = np.array([X @ turned(rng, 0.3, 0.7) for X in tree.X_PJ])
+    data = replace(data, observations=replace(data.observations, values=values))
+    return data, Description(replace(tree, X_PJ=off))
+
+
+@pytest.mark.parametrize(("seed", "factor"), slow_rest([(1, 1.03), (1, 1.0), (2, 1.03), (2, 1.0)]))
+def test_a_tag_that_is_printed_too_small_is_named_beside_a_description(seed, factor):
+    data, description = tag_before_a_camera(seed, factor)
+    found = tree_result(calibrate_tree(data, description=description, effects=()))
+    words = [w for w in found.texts(WARNING) if "times as long as all else says" in w]
+    assert len(words) == (factor > 1.0)
+    for word in words:
+        assert float(word.split(" measured is ")[1].split()[0]) == pytest.approx(factor, abs=0.01)
+
+
+def test_lengths_that_rest_on_a_stated_size_alone_are_said_to():
+    data, _ = tag_before_a_camera(1, 1.03)
+    noted = tree_result(calibrate_tree(data, effects=())).texts(NOTE)
+    assert any("the size that is stated of what sensor 'camera'" in word for word in noted)
+    assert any("nothing else tells them" in word for word in noted)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [1.02, 1.0])
+def test_a_board_with_larger_squares_than_told_contradicts_known_distances(factor):
+    sim = two_arms(1, torso=0, poses=30, distances=KNOWN)
+    data = with_boards(sim)
+    markers = tuple(
+        m if m.xyz is None else replace(m, xyz=tuple(factor * x for x in m.xyz))
+        for m in data.markers
+    )
+    found = tree_result(calibrate_tree(replace(data, markers=markers), effects=()))
+    named = [w for w in found.texts(FAILURE) if "of sensor 'ruler' contradict" in w]
+    assert len(named) == (factor > 1.0)
+    alone = any("nothing else tells them" in word for word in found.texts(NOTE))
+    assert alone == (factor > 1.0)
+
+
+@pytest.mark.parametrize(("chi_square", "severity"), [(10.7, ""), (11.0, WARNING)])
+def test_a_description_is_contradicted_once_in_a_thousand_sound_ones(chi_square, severity):
+    score = HeldScore(1.0, np.zeros(1), np.ones(1), 100, chi_square)
+    assert severity_of(score) == severity
 
 
 def test_a_joint_that_is_read_wrongly_in_most_poses_fails_by_name():

@@ -18,7 +18,10 @@ from nico_selfmodel.estimation.results.calibration_result import (
     findings,
 )
 from nico_selfmodel.estimation.tree.compared_errors import alone_off
-from nico_selfmodel.estimation.tree.contradictions.contradiction_words import contradiction_findings
+from nico_selfmodel.estimation.tree.contradictions.contradiction_words import (
+    contradiction_findings,
+    size_words,
+)
 from nico_selfmodel.estimation.tree.contradictions.exchanged_markers import exchanged_markers
 from nico_selfmodel.estimation.tree.contradictions.heavy_tails import slipping_joints
 from nico_selfmodel.estimation.tree.contradictions.off_at_once import sensors_off_at_once
@@ -55,6 +58,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     """Return what speaks for and against a body beyond what every calibration is asked."""
     test, ladder = calibration.test, calibration.ladder
     said = [] if test is None else [_held_out_words(calibration, test)]
+    said += size_words(calibration)
     said += kept_words(ladder, calibration.tree.bending, calibration.at)
     doubts = [f"too few poses to test whether mirror {name!r} is flat: record ten"
               for name, test in calibration.flatness.items() if test is None]  # fmt: skip

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from nico_selfmodel.dataset.body.sensors import POSES
 from nico_selfmodel.estimation.noise.contradictions import LEAST_SHARE, WHERE_TO_LOOK
 from nico_selfmodel.estimation.observations.outlier_words import name_samples
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE, Finding
@@ -9,10 +10,12 @@ from nico_selfmodel.estimation.tree.contradictions.held_scores import (
     LENS_PARTS,
     HeldScore,
     severity_of,
+    size_of,
 )
 from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
 from nico_selfmodel.estimation.tree.contradictions.views_apart import views_apart
 from nico_selfmodel.estimation.tree.contradictions.wrong_readings import (
+    contradicted_sensors,
     poses_off,
     read_wrongly,
     seen_wrongly,
@@ -55,6 +58,12 @@ def contradiction_findings(calibration: TreeCalibration) -> list[Finding]:
         text = (
             f"{wrong} of {of} observations of markers on {link!r} contradict the rest: check which "
             "link they are on, their labels, and the readings of the joints on the way"
+        )
+        found.append(Finding(FAILURE, text))
+    for name, (wrong, of) in contradicted_sensors(seen, solution.outliers).items():
+        text = (
+            f"{wrong} of {of} observations of sensor {name!r} contradict what the others say: "
+            "check its units, and sizes that are told (of tags, a board's squares, known distances)"
         )
         found.append(Finding(FAILURE, text))
     # A known body is held against poses as what it knows of noise and itself tells.
@@ -122,12 +131,10 @@ def _sliding(calibration: TreeCalibration) -> list[Finding]:
 
 def _of_sensors(calibration: TreeCalibration, *, lengths: bool) -> list[Finding]:
     """Say which lenses and lengths the recording contradicts; all lenses in one sentence."""
-    observations = calibration.train.observations
-    scalars = {rows.name: rows.measured.size for rows in observations.sensors}
     lenses: dict[str, list[str]] = {}
     found = []
     for name, score in calibration.held.items():
-        severity = severity_of(score, scalars[name])
+        severity = severity_of(score)
         lens = calibration.tree.lenses.get(name)
         if not severity or not _is_worth(score, lens):
             continue
@@ -136,9 +143,11 @@ def _of_sensors(calibration: TreeCalibration, *, lengths: bool) -> list[Finding]
         if lens is not None or not lengths:
             continue
         factor = float(np.exp(score.values[0]))
+        measured = name in {rows.name for rows in calibration.train.observations.sensors}
+        what = f"what sensor {name!r} measured is" if measured else f"{name} is told"
         text = (
-            f"what sensor {name!r} measured is {factor:.4g} +- {factor * score.sigma[0]:.2g} times "
-            "as long as all else says: check the size of the target, distances, and units"
+            f"{what} {factor:.4g} +- {factor * score.sigma[0]:.2g} times as long as all else "
+            "says: check the size of the target (a tag, a board's squares), distances, and units"
         )
         found.append(Finding(severity, text))
     for severity, wishes in lenses.items():
@@ -150,6 +159,29 @@ def _of_sensors(calibration: TreeCalibration, *, lengths: bool) -> list[Finding]
         )
         found.append(Finding(severity, text))
     return sorted(found, key=lambda one: one.severity != CAUSE)
+
+
+def size_words(calibration: TreeCalibration) -> list[str]:
+    """Say where lengths rest on a target's stated size, and how well all else tells that.
+
+    Args:
+        calibration: What was learned.
+    """
+    poses = {s.name for s in calibration.data.sensors if s.kind == POSES}
+    rests = {name: f"of what sensor {name!r} takes the poses of" for name in poses}
+    boards = (calibration.data.joints[i].name for i in calibration.data.free_joints)
+    rests |= {size_of(board): f"of {size_of(board)}" for board in boards}
+    return [
+        f"lengths rest on the size that is stated {rests[name]}: "
+        + (
+            "nothing else tells them, one that is 1 % too large makes all of them so"
+            if score.sigma[0] > _VAGUE
+            else f"all else tells them to {100.0 * score.sigma[0]:.1f} %, and would have them "
+            f"{100.0 * np.expm1(-score.values[0]):+.1f} %"
+        )
+        for name, score in calibration.held.items()
+        if name in rests and score.sigma[0] > _NOTABLE
+    ]
 
 
 def _is_worth(score: HeldScore, lens: Camera | None) -> bool:

@@ -4,15 +4,21 @@ Score tests (Rao 1948): with U the whitened derivatives by what was free, Z thos
 Z is taken off U, and where what was held is right the fall of the squares z'Z (Z'Z)^-1 Z'z is chi
 square of the number of columns. Nothing is solved again. Those of arms are in
 `estimation.diagnosis.score_test`.
+
+A description whose standard deviation is learned is said to be far off where a length that is told
+wrongly contradicts it. Its squares S_0 beside what is held, and S_1 if that were free, tell: with
+nu + 1 = S_0 parts that are told, nu (S_0 - S_1) / S_1 is t^2 of nu freedoms, as rare as chi square
+of one, ((8 nu + 1) / (8 nu + 3))^2 nu log(S_0 / S_1) (Wallace 1959).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.sensors import DISTANCE, POINTS, POSES
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, WARNING
+from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
@@ -25,6 +31,8 @@ _TOLD = 1e-3
 """Share of a column that must be left beside what was free for it to be told apart."""
 _CHANCE = 1e-6
 """How often noise alone may contradict what is held."""
+_CHANCE_DESCRIBED = 1e-3
+"""How often a sound description may contradict it, of which hardly more than its parts tell."""
 _SHARE = 0.1
 """Part of a sensor's squares from which on what is held is a fault; fixed lenses that were 5 % off
 took 0.66, a board 2 % too large 0.43, right ones of bodies that sag unknown to them 0.003."""
@@ -40,6 +48,10 @@ class HeldScore:
     """Where they would go, from where they are held. Shape (e,)."""
     sigma: NDArray
     """Standard deviations of that. Shape (e,)."""
+    scalars: int
+    """How many numbers were measured of what is held."""
+    beside_description: float = 0.0
+    """Chi square of one freedom that is as rare as how far off a description had to be."""
 
 
 def held_scores(problem: TreeProblem, solution: TreeSolution) -> dict[str, HeldScore]:
@@ -51,19 +63,43 @@ def held_scores(problem: TreeProblem, solution: TreeSolution) -> dict[str, HeldS
 
     Returns:
         Sensor -> of a camera whose lens was held, the score of fx, fy, cx and cy [px]; of others
-        that of the logarithm of the factor by which what they measure is too long.
+        that of the logarithm of the factor by which what they measure is too long; and by
+        `size_of` a board that of the factor by which it is told too large.
     """
-    linear = problem.residuals.linear(solution.values)
-    columns = {**_by_lenses(problem, linear), **_by_lengths(problem.observations, linear)}
+    seen = problem.observations
+    linear = problem.residuals.linear(solution.values, problem.poses)
+    sizes = _by_sizes(seen, linear)
+    both = replace(linear, J=np.vstack([linear.J, *sizes.values()]))
+    alone = PosesApart.of(seen, ~solution.outliers[seen.row]).eliminated(both, problem.scale)
+    columns = {**_by_lenses(problem, alone), **_by_lengths(seen, linear)}
+    columns |= {
+        name: row[:, None] for name, row in zip(sizes, alone.J[len(linear.J) :], strict=True)
+    }
     if not columns:
         return {}
     at = np.cumsum([0, *(one.shape[1] for one in columns.values())])
     Z, z, redundancy = _beside(problem, solution, np.hstack(list(columns.values())))
     variance = max(float(z @ z) / redundancy, np.finfo(float).tiny)
-    return {
-        name: _score(Z[:, first:last], z, variance)
-        for name, first, last in zip(columns, at[:-1], at[1:], strict=True)
-    }
+    described = _described(problem, len(z))
+    scores = {}
+    for (name, column), first, last in zip(columns.items(), at[:-1], at[1:], strict=True):
+        scalars = int(column.any(axis=1).sum())
+        scores[name] = _score(Z[:, first:last], z, variance, scalars, described)
+    return scores
+
+
+def size_of(board: str) -> str:
+    """Return what the score of a board's size is called."""
+    return f"board {board!r}"
+
+
+def _described(problem: TreeProblem, rows: int) -> NDArray:
+    """Return which whitened rows hold places of a description of learned size. Boolean, (rows,)."""
+    out = np.zeros(rows, dtype=bool)
+    if problem.alike:
+        known = [name for name in problem.free_names if name in problem.priors]
+        out[rows - len(known) :] = np.isin(known, problem.alike[-1].names)
+    return out
 
 
 def _by_lenses(problem: TreeProblem, linear: TreeLinear) -> dict[str, NDArray]:
@@ -96,6 +132,20 @@ def _by_lengths(seen: TreeObservations, linear: TreeLinear) -> dict[str, NDArray
     return found
 
 
+def _by_sizes(seen: TreeObservations, linear: TreeLinear) -> dict[str, NDArray]:
+    """Return derivatives by the logarithm of how much larger a board is told. (R,) each."""
+    data, marker, found = seen.data, seen.data.observations.marker[seen.row], dict[str, NDArray]()
+    if linear.poses is None:
+        return found
+    place = np.array([m.xyz or (0.0, 0.0, 0.0) for m in data.markers])
+    for i in data.free_joints:
+        shift = seen.noisy_joints.index((i, 3)) + np.arange(3)
+        R = linear.poses[seen.sample, i, :3, :3]
+        off = np.sum(linear.by_joint[:, shift] * np.einsum("rij,rj->ri", R, place[marker]), axis=1)
+        found[size_of(data.joints[i].name)] = np.where(data.seen_on[seen.row] == i, -off, 0.0)
+    return found
+
+
 def _beside(
     problem: TreeProblem, solution: TreeSolution, columns: NDArray
 ) -> tuple[NDArray, NDArray, int]:
@@ -113,25 +163,26 @@ def _beside(
     return rest[:, :-1] * told, rest[:, -1], max(len(z) - free, 1)
 
 
-def _score(Z: NDArray, z: NDArray, variance: float) -> HeldScore:
+def _score(Z: NDArray, z: NDArray, variance: float, scalars: int, described: NDArray) -> HeldScore:
     size = np.linalg.norm(Z, axis=0)
     e = len(size)
     if not size.all():
-        return HeldScore(0.0, np.zeros(e), np.full(e, np.inf))
+        return HeldScore(0.0, np.zeros(e), np.full(e, np.inf), scalars)
     Z = Z / size
     inner = np.linalg.pinv(Z.T @ Z, rcond=_TOLD**2, hermitian=True)
     values = -inner @ (Z.T @ z)
     gain = float(values @ (Z.T @ Z) @ values) / variance
-    return HeldScore(gain, values / size, np.sqrt(variance * np.diag(inner)) / size)
+    before, after = (float(np.sum(one[described] ** 2)) for one in (z, z + Z @ values))
+    sigma, rare, freedoms = np.sqrt(variance * np.diag(inner)) / size, 0.0, before - 1.0
+    if e == 1 and freedoms > 1.0 and after < before:
+        rare = ((8 * freedoms + 1) / (8 * freedoms + 3)) ** 2 * freedoms * np.log(before / after)
+        sigma = sigma * np.sqrt(after / freedoms)
+    return HeldScore(gain, values / size, sigma, scalars, rare)
 
 
-def severity_of(score: HeldScore, scalars: int) -> str:
-    """Return how much a score says against what is held: `CAUSE`, `WARNING` or nothing.
-
-    Args:
-        score: Of the numbers.
-        scalars: How many numbers their sensor measured.
-    """
-    if chi_square_tail(score.gain, len(score.values)) > _CHANCE:
+def severity_of(score: HeldScore) -> str:
+    """Return how much a score says against what is held: `CAUSE`, `WARNING` or nothing."""
+    sound = chi_square_tail(score.gain, len(score.values)) > _CHANCE
+    if sound and chi_square_tail(score.beside_description, 1) > _CHANCE_DESCRIBED:
         return ""
-    return CAUSE if score.gain > _SHARE * scalars else WARNING
+    return CAUSE if score.gain > _SHARE * score.scalars else WARNING

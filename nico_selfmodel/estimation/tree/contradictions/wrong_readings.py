@@ -55,6 +55,17 @@ def seen_wrongly(seen: TreeObservations, solution: TreeSolution) -> dict[str, tu
     return found
 
 
+def contradicted_sensors(seen: TreeObservations, outliers: NDArray) -> dict[str, tuple[int, int]]:
+    """Return sensors of which most observations are outliers: how many, of how many.
+
+    Args:
+        seen: What was seen.
+        outliers: By row of the table. Boolean, shape (N,).
+    """
+    asked = ((rows.name, outliers[rows.rows]) for rows in seen.sensors)
+    return {name: (int(out.sum()), len(out)) for name, out in asked if 2 * out.sum() > len(out)}
+
+
 def poses_off(data: BodyDataset, off: NDArray, share: float = LEAST_SHARE) -> Contradictions:
     """Return poses of which most observations are off, of those that have a few.
 
