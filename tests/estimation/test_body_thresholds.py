@@ -1,23 +1,35 @@
 """Each threshold of what is said of a body of any tree, from both sides."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import DataError, NotConvergedError
+from nico_selfmodel.estimation.bending.bendable import GEAR
+from nico_selfmodel.estimation.bending.implausible import gear_fault
+from nico_selfmodel.estimation.diagnosis.flatness import Flatness, flatness_by
 from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.model_verdict import judge_body_errors
+from nico_selfmodel.estimation.results.calibration_result import CAUSE, WARNING, Errors
+from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree.contradictions import off_at_once
+from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, severity_of
 from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed
 from nico_selfmodel.estimation.tree.contradictions.standing_still import (
     check_that_it_moved,
     still_readings,
 )
+from nico_selfmodel.estimation.tree.contradictions.told_values import agreeing_start
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
+from nico_selfmodel.estimation.tree.tree_setup import Wishes
+from nico_selfmodel.model.tree.body_model import BodyModel
 
 from .simulated_trees import one_arm
+from .test_one_problem import flange_dataset, hand_eye_poses
 
 SIGMA = 3e-4
 
@@ -132,3 +144,102 @@ def test_no_body_is_a_hundred_of_its_lengths_away(slider, largest, times, stays)
     else:
         with pytest.raises(NotConvergedError, match="the adjustment ran away"):
             check_that_it_stayed(parameters, start, values)
+
+
+@pytest.mark.parametrize(
+    ("gain", "scalars", "severity"),
+    [(23.5, 1000, ""), (24.5, 1000, WARNING), (99.0, 1000, WARNING), (101.0, 1000, CAUSE)],
+)
+def test_what_is_held_is_contradicted_by_one_in_a_million_and_by_a_tenth(gain, scalars, severity):
+    assert severity_of(HeldScore(gain, np.ones(1), np.ones(1)), scalars) == severity
+
+
+@pytest.mark.parametrize(
+    ("value", "sigma", "said"),
+    [(4.9e-3, 1e-3, False), (5.1e-3, 1e-3, True), (0.5, 0.099, True), (0.5, 0.101, False)],
+)
+def test_a_length_is_worth_a_word_from_half_a_per_cent_on(slider, value, sigma, said):
+    still = replace(slider, solution=replace(slider.solution))
+    vars(still)["held"] = {"tracker": HeldScore(1e6, np.array([value]), np.array([sigma]))}
+    assert ("times as long as all else says" in " ".join(judge(still).reasons)) is said
+
+
+@pytest.mark.parametrize(
+    ("scalars", "cost", "kept"),
+    [(100, 29, True), (100, 31, False), (1000, 99, True), (1000, 101, False)],
+)
+def test_a_told_value_is_refused_by_a_cost_of_thirty_or_a_tenth_of_what_was_measured(
+    scalars, cost, kept
+):
+    def begin(label, body, wishes):
+        parameters = SimpleNamespace(names=("j1.x",), units=("m",), tree_of=lambda values: None)
+        return SimpleNamespace(
+            label=label,
+            cost=float(cost if wishes.pins.pinned else 0.0),
+            parameters=parameters,
+            values=np.array([0.2]),
+        )
+
+    wishes = Wishes(FixedParameters.from_text(("j1.x=0.1",), ()))
+    start = begin("robot", None, wishes)
+    if kept:
+        assert agreeing_start(start, None, wishes, scalars, begin) is start
+    else:
+        with pytest.raises(DataError, match=r"j1\.x is fixed at 0\.1 m, the data ask for 0\.2"):
+            agreeing_start(start, None, wishes, scalars, begin)
+
+
+@pytest.mark.parametrize(
+    ("count", "poses", "status"),
+    [(240, 1000, "PASS"), (260, 1000, "FAIL"), (6, 20, "PASS"), (7, 20, "FAIL")],
+)
+def test_poses_that_are_far_off_too_often_fail(slider, count, poses, status):
+    """More than a quarter, and significantly more than the tenth that was so far off in training.
+
+    The medians are alike.
+    """
+    told = {"n": 1000, "median": 1.0, "relative": 1.0, "relative_p90": 2.0}
+    body = BodyModel("arm", slider.tree, np.ones(4), expected={"mm": told})
+    relative = np.where(np.arange(poses) < count, 3.0, np.where(np.arange(poses) % 2, 0.9, 1.1))
+    errors = Errors(compared=relative, compared_by="mm", relative_to=1e-3)
+    assert judge_body_errors(body, errors).status == status
+
+
+@pytest.mark.parametrize(("by_chance", "flat"), [(1.2e-3, True), (0.8e-3, False)])
+def test_a_flat_mirror_is_called_bent_once_in_a_thousand(by_chance, flat):
+    assert Flatness(20.0, 9, 30, by_chance).flat is flat
+
+
+@pytest.mark.parametrize(("redundancy", "tested"), [(7, False), (8, True)])
+def test_flatness_is_tested_by_eight_pixels_more_than_parameters(redundancy, tested):
+    rng = np.random.default_rng(0)
+    white, plane, cameras = rng.normal(size=30), rng.normal(size=(30, 3)), rng.normal(size=(30, 12))
+    found = flatness_by(white, plane, cameras, 9, redundancy)
+    assert (found is not None) is tested
+
+
+@pytest.mark.parametrize(
+    ("gear", "fault"), [(0.9895, True), (0.991, False), (1.009, False), (1.0105, True)]
+)
+def test_a_gear_that_is_told_and_a_hundredth_off_is_no_bend(gear, fault):
+    fit = SimpleNamespace(
+        parameters=SimpleNamespace(names=("j1.gear",)),
+        values=np.array([gear]),
+        groups={GEAR: ("j1.gear",)},
+        sigma_of=lambda weights: 1e-3,
+    )
+    assert (gear_fault(fit) is not None) is fault
+
+
+@pytest.fixture(scope="module")
+def flange():
+    _, _, F, M = hand_eye_poses(np.random.default_rng(4), 25)
+    return calibrate_tree(flange_dataset(F, M), effects=())
+
+
+@pytest.mark.parametrize(("place", "fails"), [(0.049, False), (0.051, True)])
+def test_a_flange_that_is_five_centimetres_off_contradicts(flange, place, fails):
+    joint = np.where(np.arange(6) < 3, 1e-3, place)
+    assert (
+        "poses of flange 'tcp' would have to be off" in with_noise(flange, joint=joint)
+    ) is fails
