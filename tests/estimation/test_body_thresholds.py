@@ -9,7 +9,7 @@ import pytest
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import DataError, NotConvergedError
 from nico_selfmodel.estimation.bending.bendable import GEAR
-from nico_selfmodel.estimation.bending.implausible import gear_fault
+from nico_selfmodel.estimation.bending.implausible import COUPLES, LIFTS, gear_fault, implausible
 from nico_selfmodel.estimation.diagnosis.flatness import Flatness, flatness_by
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.model_verdict import judge_body_errors
@@ -24,8 +24,10 @@ from nico_selfmodel.estimation.tree.contradictions.standing_still import (
 )
 from nico_selfmodel.estimation.tree.contradictions.told_values import agreeing_start
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+from nico_selfmodel.estimation.tree.tree_findings import described_words
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
-from nico_selfmodel.estimation.tree.tree_setup import Wishes
+from nico_selfmodel.estimation.tree.tree_setup import DESCRIBED, Wishes
+from nico_selfmodel.model.arm.bending import COUPLING, SAG
 from nico_selfmodel.model.tree.body_model import BodyModel
 
 from .simulated_trees import one_arm
@@ -229,6 +231,54 @@ def test_a_gear_that_is_told_and_a_hundredth_off_is_no_bend(gear, fault):
         sigma_of=lambda weights: 1e-3,
     )
     assert (gear_fault(fit) is not None) is fault
+
+
+def bent(effect, number):
+    """A fit of one effect of one joint, and the body it was fitted to."""
+    bending = SimpleNamespace(
+        effects=(effect,),
+        coupling=np.array([number]),
+        sag=np.array([number]),
+        bearing_sag=np.zeros(1),
+        names_of=lambda of: (f"j1.{of}",),
+        with_effects=lambda *effects: None,
+    )
+    whole = SimpleNamespace(gears=np.ones(1), bending=bending)
+    whole.with_bending = lambda bending: whole
+    parameters = SimpleNamespace(names=(), with_values=lambda values: whole)
+    fit = SimpleNamespace(
+        parameters=parameters,
+        values=np.zeros(0),
+        groups={effect: (f"j1.{effect}",)},
+        sigma_of=lambda weights: 1.0,
+    )
+    # A moment of 1 N m about the joint's own axis, in one pose.
+    body = SimpleNamespace(
+        moments=lambda bent: np.array([[[0.0, 0.0, 1.0]]]), turns=lambda bent: np.zeros((1, 1))
+    )
+    return fit, body
+
+
+@pytest.mark.parametrize(
+    ("effect", "number", "why"),
+    [(COUPLING, 0.099, ""), (COUPLING, 0.101, COUPLES), (SAG, -1.9, ""), (SAG, -2.1, LIFTS)],
+)
+def test_what_couples_by_a_tenth_or_lifts_by_two_sigmas_is_no_bend(effect, number, why):
+    assert implausible(*bent(effect, number)) == why
+
+
+@pytest.mark.parametrize(("told", "warns"), [(9.9, True), (10.1, False)])
+def test_ten_told_places_say_how_far_a_description_is_off(told, warns):
+    names = tuple(f"j{i}.x" for i in range(20))
+    known = SimpleNamespace(names=names, covariance=np.eye(20) * (1.0 - told / 20.0))
+    problem = SimpleNamespace(priors=dict.fromkeys(names, (0.0, 1.0)))
+    groups = SimpleNamespace(names=()), SimpleNamespace(names=names)
+    calibration = SimpleNamespace(
+        setup=SimpleNamespace(scale_from=DESCRIBED, alike=groups),
+        uncertainty=known,
+        ladder=SimpleNamespace(solution=SimpleNamespace(problem=problem)),
+    )
+    assert bool(described_words(calibration)) is warns
 
 
 @pytest.fixture(scope="module")
