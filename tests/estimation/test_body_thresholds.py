@@ -149,11 +149,20 @@ def test_no_body_is_a_hundred_of_its_lengths_away(slider, largest, times, stays)
 
 
 @pytest.mark.parametrize(
-    ("gain", "scalars", "severity"),
-    [(23.5, 1000, ""), (24.5, 1000, WARNING), (99.0, 1000, WARNING), (101.0, 1000, CAUSE)],
+    ("gain", "described", "severity"),
+    [
+        (23.5, 0.0, ""),
+        (24.5, 0.0, WARNING),
+        (99.0, 0.0, WARNING),
+        (101.0, 0.0, CAUSE),
+        (15.0, 10.3, ""),
+        (15.0, 11.4, WARNING),
+    ],
 )
-def test_what_is_held_is_contradicted_by_one_in_a_million_and_by_a_tenth(gain, scalars, severity):
-    assert severity_of(HeldScore(gain, np.ones(1), np.ones(1)), scalars) == severity
+def test_what_is_held_is_contradicted_by_what_chance_hardly_does(gain, described, severity):
+    """Once in a million, beside a description once in a thousand; by a tenth of the squares."""
+    score = HeldScore(gain, np.ones(1), np.ones(1), 1000, described)
+    assert severity_of(score) == severity
 
 
 @pytest.mark.parametrize(
@@ -162,7 +171,7 @@ def test_what_is_held_is_contradicted_by_one_in_a_million_and_by_a_tenth(gain, s
 )
 def test_a_length_is_worth_a_word_from_half_a_per_cent_on(slider, value, sigma, said):
     still = replace(slider, solution=replace(slider.solution))
-    vars(still)["held"] = {"tracker": HeldScore(1e6, np.array([value]), np.array([sigma]))}
+    vars(still)["held"] = {"tracker": HeldScore(1e6, np.array([value]), np.array([sigma]), 450)}
     assert ("times as long as all else says" in " ".join(judge(still).reasons)) is said
 
 
