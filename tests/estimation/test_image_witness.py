@@ -4,22 +4,24 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.joint_info import JointInfo
+from nico_selfmodel.estimation.contingency import image_witness
 from nico_selfmodel.estimation.contingency.image_witness import (
     ANOTHER,
     CANNOT_TELL,
-    FEWEST,
     MIRROR,
     PICTURE,
     HandImages,
     tell_image,
 )
 from nico_selfmodel.estimation.mirrors.reflection_sigma import reflection_sigma
+from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.optimization.chi_square import chi_square_tail
 
 from .mirror_scenes import CHAIN, JOINTS, RIG, SERVOS, SIZE, body
 
@@ -108,7 +110,7 @@ def test_who_is_turned_round_and_stands_elsewhere_is_not_taken_for_a_mirror():
     assert tell_image(seen(twin), body()).verdict == CANNOT_TELL
 
 
-@pytest.mark.parametrize("count", [0, FEWEST - 1])
+@pytest.mark.parametrize("count", [0, 4])
 def test_few_looks_tell_nothing(count):
     told = tell_image(
         HandImages((), "hand", np.zeros((count, 4)), np.zeros((count, 4)), np.ones(count, bool)),
@@ -116,6 +118,35 @@ def test_few_looks_tell_nothing(count):
     )
     assert (told.verdict, told.looks) == (CANNOT_TELL, count)
     assert np.isnan(told.mirror_px)
+    assert np.isfinite(tell_image(seen(on_screen, count=5), body()).depth_mm)
+
+
+def test_points_of_a_picture_scatter_by_the_noise_of_the_pixels():
+    told = tell_image(seen(on_screen, count=80), body())
+    assert 0.8 < told.depth_mm / told.depth_sigma_mm < 1.25
+
+
+@pytest.mark.parametrize(
+    ("by_chance", "deep", "mirror_px", "verdict"),
+    [
+        (1.2e-3, 61.0, 1.0, PICTURE),
+        (1.2e-3, 59.0, 1.0, CANNOT_TELL),
+        (0.8e-3, 61.0, 4.9, MIRROR),
+        (0.8e-3, 61.0, 5.1, CANNOT_TELL),
+    ],
+)
+def test_an_image_is_told_by_three_bounds(monkeypatch, by_chance, deep, mirror_px, verdict):
+    images = seen(in_mirror)
+    p_WH = body().points(body().servos.to_joint(images.readings))
+    hand = Plane.from_points(p_WH).distance_to(p_WH)
+    sigma = np.full(len(hand), np.sqrt(np.sum(hand**2) / deep))
+    # The chi-square of nine degrees of freedom that chance exceeds as often.
+    grid = np.linspace(20.0, 40.0, 4001)
+    square = np.interp(-by_chance, [-chi_square_tail(x, len(hand) - 3) for x in grid], grid)
+    off = sigma * np.sqrt(square / len(hand))
+    monkeypatch.setattr(image_witness, "_off_plane", lambda images, model: (off, sigma))
+    monkeypatch.setattr(image_witness, "_mirror_error", lambda images, model: mirror_px)
+    assert tell_image(images, body()).verdict == verdict
 
 
 def test_pixels_beyond_where_a_lens_has_rays_are_not_judged():

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
-from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
-from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.diagnosis.score_test import Score
 from nico_selfmodel.estimation.diagnosis.systematic_residuals import Pattern
 from nico_selfmodel.estimation.judging import judge
@@ -31,7 +29,6 @@ from nico_selfmodel.estimation.results.verdict import (
 )
 
 from .mirror_scenes import body, poses, recording
-from .simulated_boards import boards, pictures
 from .simulated_bodies import learned
 
 SIGMA = 3e-4
@@ -197,31 +194,6 @@ def test_scatter_far_below_the_stated_sigma_asks_for_its_unit(arm, part, said):
     assert any("is its unit metres?" in warning for warning in words) is said
 
 
-@pytest.fixture(scope="module")
-def pair():
-    views = pictures(boards(16), sigma=0.2)
-    found = calibrate_cameras(views.select(np.arange(12)))
-    return CameraAssessment.from_calibration(found, None, views.select(np.arange(12, 16)))
-
-
-@pytest.mark.parametrize(("count", "fails"), [(3, False), (4, True)])
-def test_cameras_fail_where_more_than_a_quarter_of_the_boards_are_outliers(pair, count, fails):
-    outliers = np.arange(12) < count
-    bent = replace(pair, calibration=replace(pair.calibration, outliers=outliers))
-    said = any("of the boards contradict" in reason for reason in judge(bent).reasons)
-    assert said is fails
-
-
-@pytest.mark.parametrize(("factor", "fails"), [(2.9, False), (3.1, True)])
-def test_cameras_fail_where_few_held_out_boards_fit_far_worse(pair, factor, fails):
-    three = pair.left_out_residuals[:3]  # too few to be told by their ranks
-    rms = [np.sqrt(np.nanmean(r**2)) for r in (three, pair.test_residuals)]
-    worse = pair.test_residuals * (factor * rms[0] / rms[1])
-    bent = replace(pair, left_out_residuals=three, test_residuals=worse)
-    words = " ".join(judge(bent).reasons)
-    assert ("some of them contradict the others" in words) is fails
-
-
 @pytest.mark.parametrize(("degrees", "fails"), [(4.9, False), (5.1, True)])
 def test_a_body_fails_where_its_joints_would_have_to_be_loose(degrees, fails):
     found = learned(0)
@@ -237,13 +209,12 @@ def test_a_body_fails_where_more_than_a_quarter_are_outliers(share, fails):
     assert ("of the observations contradict" in words) is fails
 
 
-@pytest.mark.parametrize(("share", "fails"), [(0.015, False), (0.025, True)])
-def test_a_body_fails_where_lenses_lose_the_hand(share, fails):
+@pytest.mark.parametrize(("more", "fails"), [(0, False), (1, True)])
+def test_a_body_fails_where_lenses_lose_the_hand_in_more_than_one_of_fifty_poses(more, fails):
     found = learned(0)
     seen = found.train.p_LH_seen.copy()
     both = np.flatnonzero(found.train.observations.by_both & ~found.outliers)
-    poses_in_all = found.train.pose_count
-    seen[both[: round(share * poses_in_all)]] = np.nan
+    seen[both[: int(0.02 * found.train.pose_count) + more]] = np.nan
     bent = replace(found, train=replace(found.train, p_LH_seen=seen))
     words = " ".join(judge(bent).reasons)
     assert ("no point in front of the refined cameras" in words) is fails
