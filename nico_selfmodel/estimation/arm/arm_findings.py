@@ -95,11 +95,8 @@ def _warnings(calibration: KinematicCalibration) -> list[str]:
             "the model has nothing for it, so that the sigmas of parameters and predictions are "
             "too small; errors on poses like the held-out ones are as stated"
         )
-    for change in (calibration.change, calibration.lag):
-        if change is not None and not change.told_from_place:
-            words.append(f"{change.what}, or the arm bends there: the poses do not tell which")
-        elif change is not None and not change.notable:
-            words.append(f"{change.what}; too little to matter beside the noise")
+    both = [change for change in (calibration.change, calibration.lag) if change is not None]
+    words += [change.warning for change in both if change.warning]
     rows = calibration.train.observations
     visits = len(np.unique(rows.sample))
     if len(rows.poses) < visits:
@@ -311,8 +308,8 @@ def _noise_reason(calibration: KinematicCalibration, advice: str) -> str | None:
 def _timing_reasons(calibration: KinematicCalibration) -> list[str]:
     """Say what changed during the recording, or that readings and points are not of one moment."""
     reasons = []
-    if calibration.change is not None and calibration.change.notable:
-        reasons.append(f"{calibration.change.what}: learn from one part alone, or record again")
+    if calibration.change is not None and calibration.change.reason:
+        reasons.append(calibration.change.reason)
     if calibration.lag is not None and calibration.lag.notable:
         reasons.append(calibration.lag.what)
     return reasons

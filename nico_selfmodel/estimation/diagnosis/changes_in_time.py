@@ -6,13 +6,17 @@ T_g' [(H_t - H_t H^-1 H_t)_gg]^-1 T_g is chi square of the group's size where no
 A marker that was knocked, an encoder that jumped, a tracker that drifted all show.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.diagnosis.score_sums import CourseFound, ScoreSums
+from nico_selfmodel.estimation.diagnosis.score_sums import (
+    CourseFound,
+    ScoreSums,
+    sums_of_arm,
+)
 from nico_selfmodel.estimation.diagnosis.score_test import ScoreTest
 from nico_selfmodel.estimation.diagnosis.systematic_residuals import (
     Pattern,
@@ -27,7 +31,7 @@ LARGEST_CHANCE = 1e-7
 """Of a change where there was none; some hundred samples and ten groups are tried."""
 NOTABLE = 1.1
 """Ratio of the mean residuals without and with it that makes a change worth a failure."""
-_FEWEST = 20
+FEWEST_VISITS = 20
 """Visits below which no change, and samples below which no lag is looked for."""
 _LEAST_LAG = 0.01
 """Part of the time between two samples below which a lag is something else, such as backlash."""
@@ -39,6 +43,10 @@ _EXPLAINS_MUCH = 1.5
 """Ratio beyond which a change is one, though a pattern gains more or its own gain is small."""
 _SIMPLER = 7.0
 """Chi square that each further number of a change must bring to be named."""
+
+
+Words = Callable[[NDArray, bool], str]
+"""What is said of a change by its size, and whether it came by and by."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +64,19 @@ class Change:
     def notable(self) -> bool:
         """Whether other recordings will miss by more than the held-out poses of this one."""
         return self.ratio > NOTABLE and self.told_from_place
+
+    @property
+    def reason(self) -> str | None:
+        """Why a calibration fails; None where the change does not matter, or may be none."""
+        advice = "learn from one part alone, or record again"
+        return f"{self.what}: {advice}" if self.notable else None
+
+    @property
+    def warning(self) -> str | None:
+        """What is said where it is no failure."""
+        if not self.told_from_place:
+            return f"{self.what}, or the arm bends there: the poses do not tell which"
+        return None if self.notable else f"{self.what}; too little to matter beside the noise"
 
 
 def change_in_time(
@@ -77,12 +98,37 @@ def change_in_time(
     Returns:
         The change that explains most, or None where there is none.
     """
-    if solved.noise is None or len(np.unique(observations.visit)) < _FEWEST:
+    if solved.noise is None or len(np.unique(observations.visit)) < FEWEST_VISITS:
         return None
-    sums = ScoreSums.of(observations, solved, granted)
+    sums = sums_of_arm(observations, solved, granted)
+    groups = _groups(solved.parameters, solved.parameters.names)
+    # Sums of scores are cut and swelled, so that a pattern may gain more and explain much less.
+    gain = max((pattern.score.gain for pattern in patterns), default=0.0)
+
+    def mixed(found: CourseFound) -> bool:
+        course = found.course[np.searchsorted(sums.last, observations.sample)]
+        return mixed_in_time(observations.angles, course)
+
+    return likeliest_change(sums, groups, mixed, gain)
+
+
+def likeliest_change(
+    sums: ScoreSums,
+    groups: Iterable[tuple[Words, list[int]]],
+    mixed: Callable[[CourseFound], bool],
+    gain: float = 0.0,
+) -> Change | None:
+    """Return the change that explains most, None where there is none.
+
+    Args:
+        sums: Scores over time.
+        groups: Parameters that may change together, with what is said of them.
+        mixed: Whether poses of all times are mixed, so that time is told from place.
+        gain: Of what else the residuals depend on; a change counts only where it explains more.
+    """
     candidates = [
-        _Candidate(words, columns, found, sums.improvement(columns, found))
-        for words, columns in _groups(solved.parameters, sums.names)
+        _Candidate(words, columns, found, *sums.improvement(columns, found))
+        for words, columns in groups
         for found in (sums.step(columns), sums.drift(columns))
         if found is not None
     ]
@@ -92,37 +138,34 @@ def change_in_time(
     chance = chi_square_tail(best.found.statistic, len(best.columns))
     # What joint noise took for its own explains much, though its scores are small.
     most = max(candidates, key=lambda one: one.ratio)
-    by_ratio = sums.chance_of(most.ratio) * len(candidates)
+    by_ratio = sums.chance_of(most.ratio, most.columns) * len(candidates)
     rival = best.ratio if chance <= LARGEST_CHANCE else 1.0
     if by_ratio < LARGEST_CHANCE and most.ratio > _EXPLAINS_MUCH * rival:
         best, chance = most, by_ratio
     if chance > LARGEST_CHANCE:
         return None
     found = best.found
-    what = f"{best.words(found.size, found.drift)} {sums.when(found)}"
-    course = found.course[np.searchsorted(sums.last, observations.sample)]
-    # Sums of scores are cut and swelled, so that a pattern may gain more and explain much less.
-    gain = max((pattern.score.gain for pattern in patterns), default=0.0)
+    what = f"{best.words(best.size, found.drift)} {sums.when(found)}"
     surely = found.statistic > gain or best.ratio > _EXPLAINS_MUCH
-    return Change(what, best.ratio, mixed_in_time(observations, course) and surely)
+    return Change(what, best.ratio, mixed(found) and surely)
 
 
-def mixed_in_time(observations: Observations, course: NDArray) -> bool:
+def mixed_in_time(readings: NDArray, course: NDArray) -> bool:
     """Return whether poses of all times are mixed: no joint's reading follows the course of time.
 
     Args:
-        observations: What was measured.
+        readings: Of the joints, by row. Shape (N, n).
         course: Of the change in time, by row. Shape (N,).
     """
     time = course - course.mean()
-    angles = observations.angles - observations.angles.mean(axis=0)
+    angles = readings - readings.mean(axis=0)
     sizes = np.linalg.norm(time) * np.linalg.norm(angles, axis=0)
     if bool((np.abs(time @ angles) > _FOLLOWS * np.maximum(sizes, 1e-300)).any()):
         return False
     late = course > 0.5
     if not late.any() or late.all():
         return True
-    for column in observations.angles.T:
+    for column in readings.T:
         apart = min(
             np.mean(column[late] >= column[~late].min()),
             np.mean(column[late] <= column[~late].max()),
@@ -134,9 +177,6 @@ def mixed_in_time(observations: Observations, course: NDArray) -> bool:
     return True
 
 
-Words = Callable[[NDArray, bool], str]
-
-
 @dataclass(frozen=True, eq=False)
 class _Candidate:
     """A group of parameters and how it may have changed."""
@@ -146,6 +186,8 @@ class _Candidate:
     found: CourseFound
     ratio: float
     """The mean residual without it over that with it."""
+    size: NDArray
+    """Of the change, in the parameters' own units."""
 
 
 def _groups(parameters: DhParameters, names: tuple[str, ...]) -> Iterator[tuple[Words, list[int]]]:
@@ -197,7 +239,7 @@ def lag_in_time(
         The lag, or None where there is none.
     """
     samples, first, of = np.unique(observations.sample, return_index=True, return_inverse=True)
-    if len(samples) < _FEWEST:
+    if len(samples) < FEWEST_VISITS:
         return None
     # Of samples that are missing in between, the part that one of them would have had.
     moves = np.diff(observations.angles[first], axis=0) / np.diff(samples)[:, None]

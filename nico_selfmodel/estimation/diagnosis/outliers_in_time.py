@@ -53,7 +53,7 @@ def outliers_in_time(observations: Observations, outliers: NDArray) -> Change | 
         f"{observations.sample[~late].max()}: something moved or jumped there"
     )
     # The inlier poses are explained already: there is no ratio that could be too small.
-    return Change(words, np.inf, mixed_in_time(observations, late.astype(float)))
+    return Change(words, np.inf, mixed_in_time(observations.angles, late.astype(float)))
 
 
 def _excess(wrong: NDArray) -> tuple[NDArray, NDArray]:

@@ -1,6 +1,6 @@
 """Sums of scores over the spans of a recording, and the best course of a change in them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +14,8 @@ from nico_selfmodel.estimation.observations.observations import Observations
 _MARGIN = 4
 """Visits that lie before and after any change."""
 _CLIPPED = 2.5
-"""Whitened residuals of a visit count up to this rms: a single outlier is no change."""
+"""Whitened residuals of a visit, or an observation, count up to this rms: a single outlier is no
+change."""
 _MOST_VISITS, _MOST_SPANS = 2000, 400
 """Visits that are looked at, and spans of time between which a change may lie."""
 _LAGS = 12
@@ -36,13 +37,27 @@ class CourseFound:
 
 
 @dataclass(frozen=True, eq=False)
+class Left:
+    """Residuals that changes are to explain, and their derivatives."""
+
+    residuals: NDArray
+    """Measured minus predicted, in one unit. Shape (N, d)."""
+    jacobian: NDArray
+    """By all parameters over `scale`. Shape (N, d, P)."""
+    scale: NDArray
+    """What the parameters were divided by. Shape (P,)."""
+    visit: NDArray
+    """Visit of each row, in the order of time. Shape (N,)."""
+
+
+@dataclass(frozen=True, eq=False)
 class ScoreSums:
     """Scores J'S^-1 r and information J'S^-1 J of spans of time."""
 
-    linear: Linearised
-    """Residuals of the visits that are looked at."""
+    left: "Left"
+    """Rows that are looked at, not whitened."""
     span: NDArray
-    """Span of each of its rows. Shape (N,)."""
+    """Span of each of them. Shape (N,)."""
     free: NDArray
     """Places of the free parameters, and of patterns. Shape (k,)."""
     s: NDArray
@@ -52,62 +67,61 @@ class ScoreSums:
     h: NDArray
     """Shape (spans, P, P)."""
     inverse: NDArray
-    """(sum h)_ff^-1. Shape (k, k)."""
+    """(sum h)_ff^-1, priors included. Shape (k, k)."""
+    pull: NDArray
+    """What priors add to the scores of the free parameters. Shape (k,)."""
     variance: float
     """Of one whitened residual, what the free parameters could take taken off."""
-    scale: NDArray
-    """What the parameters were divided by. Shape (P,)."""
     last: NDArray
     """Last sample of each span. Shape (spans,)."""
+    by_row: bool = False
+    """Whether a change is asked what it does to what it moves, not to all rows."""
 
     @classmethod
-    def of(cls, observations: Observations, solved: ArmSolution, granted: NDArray) -> "ScoreSums":
-        """Sum scores and information of a solution over spans of time, its outliers included.
+    def of(
+        cls,
+        white: NDArray,
+        visit: NDArray,
+        left: "Left",
+        free: NDArray,
+        last: NDArray,
+        prior: tuple[NDArray, NDArray] | None = None,
+        single: NDArray | None = None,
+        most: int = _MOST_SPANS,
+    ) -> "ScoreSums":
+        """Sum scores and information over spans of time.
 
         Args:
-            observations: What was measured; samples are numbered in the order of time.
-            solved: The arm, with its noise.
-            granted: What the residuals may depend on besides. Shape (N, 3, m).
+            white: Whitened residuals, measured minus predicted, then derivatives. (T, 1 + P).
+            visit: Visit of each, in the order of time. Shape (T,).
+            left: The same not whitened.
+            free: Places of the free parameters, and of patterns. Shape (k,).
+            last: Last sample of each visit. Shape (visits,).
+            prior: Whitened derivatives by the free parameters, (m, k), and residuals of priors.
+            single: What may be an outlier by itself, of each; a visit if omitted. Shape (T,).
+            most: Spans at most.
         """
-        assert solved.noise is not None
-        # Frames of one visit share its joint noise: together they are one witness of time.
-        visits = np.unique(observations.visit)
-        chosen = visits[:: max(len(visits) // _MOST_VISITS, 1)]
-        looked_at = np.isin(observations.visit, chosen)
-        rows = observations.select(looked_at)
-        everything = np.ones(len(rows), dtype=bool)
-        linear = Linearised.at(rows, solved.parameters, everything, solved.noise)
-        jacobian = np.concatenate([linear.jacobian, granted[looked_at]], axis=2)
-        linear = replace(linear, jacobian=jacobian)
-        groups = PoseGroups(rows.visit, everything, 3)
-        whitening = PoseWhitening(groups, linear.by_angle, solved.noise)
-        scale = 1.0 / np.maximum(np.sqrt(np.sum(linear.jacobian**2, axis=(0, 1))), 1e-300)
-        both = np.concatenate([linear.residuals[:, :, None], linear.jacobian * scale], axis=2)
-        white = whitening.root(groups.gather(both))
-        squares = np.bincount(groups.visit, white[:, 0] ** 2)
-        large = np.sqrt(squares / (3.0 * np.bincount(groups.pose))) / _CLIPPED
         full, U = white[:, 0], white[:, 1:]
-        w = full / np.maximum(large, 1.0)[groups.visit]
-        starts = np.unique(np.linspace(0, len(chosen), _MOST_SPANS, endpoint=False).astype(int))
-        s, plain, h = _sums_of_spans(U, w, full, np.searchsorted(starts, groups.visit, "right") - 1)
-        free = [i for i, n in enumerate(linear.names) if n in solved.free]
-        free = np.array([*free, *range(len(linear.names), jacobian.shape[2])])
-        inverse = np.linalg.pinv(h.sum(axis=0)[np.ix_(free, free)], rcond=1e-10, hermitian=True)
-        score = s.sum(axis=0)[free]
-        squares = float(np.sum(w**2) - score @ inverse @ score)
-        redundancy = max(3 * len(rows) - len(free), 1)
-        variance = max(squares / redundancy, np.finfo(float).tiny)
-        ends = chosen[np.append(starts[1:], len(chosen)) - 1]
-        order = np.argsort(rows.visit, kind="stable")
-        ending = np.searchsorted(rows.visit, ends, side="right", sorter=order) - 1
-        last = np.maximum.accumulate(rows.sample[order])[ending]
-        span = np.searchsorted(starts, groups.pose, side="right") - 1
-        return cls(linear, span, free, s, plain, h, inverse, variance, scale, last)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """All parameters."""
-        return self.linear.names
+        counts = np.bincount(left.visit, minlength=len(last)) * left.residuals.shape[1]
+        if single is not None:
+            counts = np.bincount(single)
+        of = visit if single is None else single
+        squares = np.bincount(of, full**2, minlength=len(counts))
+        large = np.sqrt(squares / np.maximum(counts, 1)) / _CLIPPED
+        w = full / np.maximum(large, 1.0)[of]
+        starts = np.unique(np.linspace(0, len(last), most, endpoint=False).astype(int))
+        span_of = np.searchsorted(starts, np.arange(len(last)), "right") - 1
+        s, plain, h = _sums_of_spans(U, w, full, span_of[visit])
+        information, pull = h.sum(axis=0)[np.ix_(free, free)], np.zeros(len(free))
+        if prior is not None:
+            information, pull = information + prior[0].T @ prior[0], prior[0].T @ prior[1]
+        inverse = np.linalg.pinv(information, rcond=1e-10, hermitian=True)
+        score = s.sum(axis=0)[free] + pull
+        rest = float(np.sum(w**2) - score @ inverse @ score)
+        variance = max(rest / max(left.residuals.size - len(free), 1), np.finfo(float).tiny)
+        ends = last[np.append(starts[1:], len(last)) - 1]
+        span = span_of[left.visit]
+        return cls(left, span, free, s, plain, h, inverse, pull, variance, ends, single is not None)
 
     def step(self, columns: list[int]) -> CourseFound | None:
         """Return the best sudden change of some parameters."""
@@ -141,7 +155,7 @@ class ScoreSums:
     @cached_property
     def _step_of_all(self) -> NDArray:
         """What the free parameters would still do. Shape (k,)."""
-        return self.inverse @ self.s.sum(axis=0)[self.free]
+        return self.inverse @ (self.s.sum(axis=0)[self.free] + self.pull)
 
     def _efficient(self, s: NDArray, cross: NDArray, own: NDArray) -> tuple[NDArray, NDArray]:
         """Return scores and information of columns, what free parameters take taken off."""
@@ -164,10 +178,10 @@ class ScoreSums:
         own = self.h[:, columns][:, :, columns]
         expected = course[:, None] * np.einsum("tij,j->ti", own, size)
         statistic = gain / self.variance / _likeness(self.s[:, columns] - expected)
-        return CourseFound(statistic, size * self.scale[columns], course, at, drift)
+        return CourseFound(statistic, size * self.left.scale[columns], course, at, drift)
 
-    def improvement(self, columns: list[int], found: CourseFound) -> float:
-        """Return the mean distance of all rows from the arm over that with the change.
+    def improvement(self, columns: list[int], found: CourseFound) -> tuple[float, NDArray]:
+        """Return the mean distance of rows over that with a change, and how large it is.
 
         What the residuals may depend on besides is taken off both. The size of the change is that
         which explains outliers, if they are part of it, or that which does not.
@@ -175,36 +189,48 @@ class ScoreSums:
         s, cross, own = self._parts(columns)
         cross = np.tensordot(found.course, cross, 1)
         left = np.tensordot(found.course**2, own, 1) - cross @ self.inverse @ cross.T
-        before, after = [], []
+        rows = self._moved_by(columns)
+        before, after, sizes = [], [], []
         for each, part in ((self.s, s), (self.plain, self.plain[:, columns])):
-            fitted = each.sum(axis=0)[self.free]
-            before.append(self._mean_distance(self.inverse @ fitted, 0.0))
+            fitted = each.sum(axis=0)[self.free] + self.pull
+            before.append(self._mean_distance(self.inverse @ fitted, 0.0, rows))
             along = found.course @ part - cross @ self.inverse @ fitted
             size = np.linalg.lstsq(left, along, rcond=1e-9)[0]
             taken = self.inverse @ (fitted - cross.T @ size)
-            changed = self.linear.jacobian[:, :, columns] @ (size * self.scale[columns])
-            after.append(self._mean_distance(taken, found.course[self.span, None] * changed))
-        return float(min(before) / max(min(*before, *after), np.finfo(float).tiny))
+            changed = self.left.jacobian[:, :, columns] @ size
+            changed = found.course[self.span, None] * changed
+            after.append(self._mean_distance(taken, changed, rows))
+            sizes.append(size * self.left.scale[columns])
+        ratio = float(min(before) / max(min(*before, *after), np.finfo(float).tiny))
+        return ratio, sizes[int(np.argmin(after))]
 
     @cached_property
     def _free_columns(self) -> NDArray:
-        """Derivatives by the free parameters. Shape (N, 3, k)."""
-        return self.linear.jacobian.take(self.free, axis=2) * self.scale[self.free]
+        """Derivatives by the free parameters. Shape (N, d, k)."""
+        return self.left.jacobian.take(self.free, axis=2)
 
-    def _mean_distance(self, taken: NDArray, changed: NDArray | float) -> float:
+    def _moved_by(self, columns: list[int]) -> NDArray:
+        """Return which rows are asked about a change. Boolean, shape (N,)."""
+        if not self.by_row:
+            return np.ones(len(self.left.residuals), dtype=bool)
+        return np.asarray(self.left.jacobian[:, :, columns].any(axis=(1, 2)))
+
+    def _mean_distance(self, taken: NDArray, changed: NDArray | float, rows: NDArray) -> float:
         """Return the mean residual when the free parameters take a step and something changed."""
-        moved = self._free_columns @ taken
-        return float(np.linalg.norm(self.linear.residuals - moved - changed, axis=1).mean())
+        left = self.left.residuals - self._free_columns @ taken - changed
+        return float(np.linalg.norm(left[rows], axis=1).mean())
 
-    def chance_of(self, ratio: float) -> float:
+    def chance_of(self, ratio: float, columns: list[int]) -> float:
         """Return how often noise of poses makes residuals fall by a ratio after some sample.
 
         Where joint noise took the change for its own, scores are small and the residuals fall all
         the same: a share R^2 of the squares of n poses, by chance (1 - R^2)^(n/2), 1 / (1 - R^2)
         being the ratio squared (the tail of a beta distribution; Cochran 1934).
         """
-        poses = len(self.linear.whitening.groups.rows) - len(self.free) / 3.0
-        poses *= self.linear.whitening.groups.poses / len(self.linear.whitening.groups.rows)
+        asked, each = self._moved_by(columns), self.left.residuals.shape[1]
+        poses = (1.0 - len(self.free) / (each * max(asked.sum(), 1))) * len(
+            np.unique(self.left.visit[asked])
+        )
         return float(min(len(self.s) * max(ratio, 1.0) ** -max(poses, 0.0), 1.0))
 
     def when(self, found: CourseFound) -> str:
@@ -212,6 +238,36 @@ class ScoreSums:
         if found.drift:
             return "during the recording"
         return f"after sample {int(self.last[found.span])}"
+
+
+def sums_of_arm(observations: Observations, solved: ArmSolution, granted: NDArray) -> ScoreSums:
+    """Sum scores and information of an arm over spans of time, its outliers included.
+
+    Args:
+        observations: What was measured; samples are numbered in the order of time.
+        solved: The arm, with its noise.
+        granted: What the residuals may depend on besides. Shape (N, 3, m).
+    """
+    assert solved.noise is not None
+    # Frames of one visit share its joint noise: together they are one witness of time.
+    visits = np.unique(observations.visit)
+    chosen = visits[:: max(len(visits) // _MOST_VISITS, 1)]
+    looked_at = np.isin(observations.visit, chosen)
+    rows = observations.select(looked_at)
+    everything = np.ones(len(rows), dtype=bool)
+    linear = Linearised.at(rows, solved.parameters, everything, solved.noise)
+    jacobian = np.concatenate([linear.jacobian, granted[looked_at]], axis=2)
+    groups = PoseGroups(rows.visit, everything, 3)
+    whitening = PoseWhitening(groups, linear.by_angle, solved.noise)
+    scale = 1.0 / np.maximum(np.sqrt(np.sum(jacobian**2, axis=(0, 1))), 1e-300)
+    both = np.concatenate([linear.residuals[:, :, None], jacobian * scale], axis=2)
+    free = [i for i, n in enumerate(linear.names) if n in solved.free]
+    free = np.array([*free, *range(len(linear.names), jacobian.shape[2])])
+    order = np.argsort(rows.visit, kind="stable")
+    ending = np.searchsorted(rows.visit, chosen, side="right", sorter=order) - 1
+    last = np.maximum.accumulate(rows.sample[order])[ending]
+    left = Left(linear.residuals, jacobian * scale, scale, groups.pose)
+    return ScoreSums.of(whitening.root(groups.gather(both)), groups.visit, left, free, last)
 
 
 def _sums_of_spans(

@@ -24,6 +24,7 @@ from nico_selfmodel.estimation.tree.contradictions.contradiction_words import (
 )
 from nico_selfmodel.estimation.tree.contradictions.exchanged_markers import exchanged_markers
 from nico_selfmodel.estimation.tree.contradictions.heavy_tails import slipping_joints
+from nico_selfmodel.estimation.tree.contradictions.moved_meanwhile import moved_meanwhile
 from nico_selfmodel.estimation.tree.contradictions.off_at_once import sensors_off_at_once
 from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
@@ -57,6 +58,8 @@ SCALE = (
 def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     """Return what speaks for and against a body beyond what every calibration is asked."""
     test, ladder = calibration.test, calibration.ladder
+    bend, asked = ladder.solution, not calibration.anew
+    change = moved_meanwhile(bend.problem, bend.solution) if asked else None
     said = [] if test is None else [_held_out_words(calibration, test)]
     said += size_words(calibration)
     said += kept_words(ladder, calibration.tree.bending, calibration.at)
@@ -74,11 +77,14 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
         *exchanged_markers(calibration),
         *sensors_off_at_once(calibration),
         *_outlier_words(calibration),
+        *([change.warning] if change is not None and change.warning else []),
     ]
+    changed = [change.reason] if change is not None and change.reason else []
     return (
         *contradiction_findings(calibration),
         *findings(MISFIT, [*_misfits(calibration), *_flange_misfits(calibration)]),
-        *findings(FAILURE, [*_noise_reasons(calibration), *bent_reasons(calibration.flatness)]),
+        *findings(FAILURE, [*changed, *_noise_reasons(calibration)]),
+        *findings(FAILURE, bent_reasons(calibration.flatness)),
         *findings(FAILURE, gear_words(ladder.doubtful_gears)),
         *findings(WARNING, [*bending_warnings(ladder, calibration.at), *doubts]),
         *findings(NOTE, said),

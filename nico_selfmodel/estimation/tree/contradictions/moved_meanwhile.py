@@ -1,0 +1,164 @@
+"""What did not stay where it was while a body was recorded.
+
+The score test of `estimation.diagnosis.changes_in_time` on any body: an encoder that jumped, a
+marker that was knocked, a camera, tracker or mirror that was moved, after any sample, by and by or
+at once. Observations and readings that were set aside take part: what contradicts all that was
+before is no noise.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import ANY_POSE
+from nico_selfmodel.dataset.body.sensors import SIGHTS
+from nico_selfmodel.estimation.diagnosis.changes_in_time import (
+    FEWEST_VISITS,
+    Change,
+    Words,
+    likeliest_change,
+    mixed_in_time,
+)
+from nico_selfmodel.estimation.diagnosis.score_sums import CourseFound, Left, ScoreSums
+from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
+from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, TURNS
+from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
+from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
+from nico_selfmodel.model.tree.body_tree import PRISMATIC, WHOLE_POSES
+
+LEAST_RATIO = 1.02
+"""Mean residual of what a change moves, without it over with it, below which nobody is told."""
+_MOST_NUMBERS = 1e7
+"""Of sums over spans of time that are kept: fewer spans of many parameters."""
+_MOST_SPANS, _FEWEST_SPANS = 400, 20
+
+
+def moved_meanwhile(problem: TreeProblem, solution: TreeSolution) -> Change | None:
+    """Find what changed in the middle of a recording.
+
+    Args:
+        problem: What was solved.
+        solution: Where it ended.
+
+    Returns:
+        The change that explains most, or None where there is none.
+    """
+    seen, data = problem.observations, problem.observations.data
+    # Of each sample, its visit in the order of time.
+    first = np.full(data.visit.max() + 1, np.iinfo(data.sample.dtype).max)
+    np.minimum.at(first, data.visit, data.sample)
+    known = np.unique(data.visit)
+    if len(known) < FEWEST_VISITS or not solution.variances_known:
+        return None
+    rank = np.argsort(np.argsort(first[known]))[np.searchsorted(known, data.visit)]
+    last = np.full(len(known), np.iinfo(data.sample.dtype).min)
+    np.maximum.at(last, rank, data.sample)
+    linear = problem.residuals.linear(solution.values)
+    groups, columns = _groups(problem, linear, solution.outliers)
+    white, left = _left(problem, solution, linear, columns, rank[seen.sample])
+    size = white.shape[1] ** 2
+    most = int(np.clip(_MOST_NUMBERS / size, _FEWEST_SPANS, _MOST_SPANS))
+    free = len(problem.free_names)
+    prior = solution.whitened[-len(problem.priors) or len(solution.whitened) :]
+    pulled = prior / left.scale[:free], -solution.rest[len(solution.rest) - len(prior) :]
+    sums = ScoreSums.of(white, left.visit, left, np.arange(free), last, pulled, seen.row, most)
+
+    def mixed(found: CourseFound) -> bool:
+        spans = np.minimum(np.searchsorted(sums.last, data.sample), len(found.course) - 1)
+        return mixed_in_time(data.si_readings, found.course[spans])
+
+    change = likeliest_change(sums, groups, mixed)
+    return None if change is None or change.ratio < LEAST_RATIO else change
+
+
+def _left(
+    problem: TreeProblem,
+    solution: TreeSolution,
+    linear: TreeLinear,
+    columns: NDArray,
+    visit: NDArray,
+) -> tuple[NDArray, Left]:
+    """Return residuals and derivatives, whitened and as they are in their sensors' sigmas."""
+    nothing, none = np.zeros_like(solution.outliers), np.zeros_like(solution.slipped)
+    everything = replace(solution, outliers=nothing, slipped=none)
+    U, white = problem.whitened_at(everything, columns)
+    by_all = np.column_stack([linear.J[problem.columns].T, columns]) / problem.scale[:, None]
+    # Those of what nobody tells are 0.
+    scale = 1.0 / np.maximum(np.linalg.norm(by_all, axis=0), np.finfo(float).tiny)
+    residuals = -(linear.r / problem.scale)[:, None]
+    left = Left(residuals, (by_all * scale)[:, None, :], scale, visit)
+    return np.column_stack([-white, U * scale]), left
+
+
+def _groups(
+    problem: TreeProblem, linear: TreeLinear, outliers: NDArray
+) -> tuple[list[tuple[Words, list[int]]], NDArray]:
+    """Return what may change together, with its words, and columns beside the free ones."""
+    found: list[tuple[Words, list[int]]] = []
+    columns: list[NDArray] = []
+    free = len(problem.free_names)
+    for words, parts in _changes(problem, linear, outliers):
+        kept = [part for part in parts if part.any()]
+        if len(kept) == len(parts):
+            found.append((words, list(range(free + len(columns), free + len(columns) + len(kept)))))
+            columns.extend(kept)
+    return found, np.array(columns).T.reshape(len(linear.r), -1)
+
+
+def _changes(
+    problem: TreeProblem, linear: TreeLinear, outliers: NDArray
+) -> Iterator[tuple[Words, list[NDArray]]]:
+    """Yield words and derivatives of what may change together."""
+    seen, parameters = problem.observations, problem.residuals.parameters
+    data, base, index = seen.data, parameters.base, parameters.index
+    for k, (i, part) in enumerate(seen.noisy_joints):
+        motion, name = data.joints[i].motion, data.joints[i].name
+        if motion not in WHOLE_POSES and not part:
+            yield _encoder(name, motion == PRISMATIC), [linear.by_joint[:, k]]
+    table, count = data.observations, len(data.markers)
+    told = np.bincount(table.marker[(table.pose != ANY_POSE) & ~outliers], minlength=count)
+    fixed = np.array([data.on_link(marker.on) < 0 for marker in data.markers])
+    for marker, seen_often in zip(data.markers, (told >= FEWEST_VISITS) & ~fixed, strict=True):
+        if seen_often:
+            names = [f"{marker.name}.{part}" for part in SHIFTS]
+            yield (
+                _shifted(f"marker {marker.name!r} {{}} on its link"),
+                [linear.J[index[name]] for name in names],
+            )
+    for rows in {rows.name: rows for rows in seen.sensors if rows.kind in SIGHTS}.values():
+        names = [f"{rows.name}.{part}" for part in (*SHIFTS, *TURNS)]
+        yield _moved(f"sensor {rows.name!r}"), [linear.J[index[name]] for name in names]
+    for mirror in base.mirrors:
+        columns = [linear.J[index[name]] for name in mirror.names]
+        yield (lambda size, drift, name=mirror.name: f"mirror {name!r} {_verb(drift)}"), columns
+
+
+def _verb(drift: bool, at_once: str = "moved") -> str:
+    return "drifted" if drift else at_once
+
+
+def _encoder(name: str, slides: bool) -> Words:
+    def words(size: NDArray, drift: bool) -> str:
+        far = abs(float(size[0]))
+        told = f"{1e3 * far:.2g} mm" if slides else f"{np.degrees(far):.2g} deg"
+        return f"the encoder of {name!r} {_verb(drift, 'jumped')} by about {told}"
+
+    return words
+
+
+def _shifted(what: str) -> Words:
+    def words(size: NDArray, drift: bool) -> str:
+        far = 1e3 * float(np.linalg.norm(size))
+        return f"{what.format('wandered' if drift else 'slipped')} by about {far:.2g} mm"
+
+    return words
+
+
+def _moved(what: str) -> Words:
+    def words(size: NDArray, drift: bool) -> str:
+        far, turn = 1e3 * np.linalg.norm(size[:3]), np.degrees(np.linalg.norm(size[3:]))
+        return f"{what} {_verb(drift)} by about {far:.2g} mm and {turn:.2g} deg"
+
+    return words

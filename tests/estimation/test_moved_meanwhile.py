@@ -1,0 +1,110 @@
+"""What moves while a body is recorded is found, with when and how far."""
+
+import re
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.dataset.body.body_dataset import ObservationTable
+from nico_selfmodel.estimation.diagnosis.changes_in_time import NOTABLE, Change
+from nico_selfmodel.estimation.judging import judge, result_of
+from nico_selfmodel.estimation.tree.contradictions import moved_meanwhile as module
+from nico_selfmodel.estimation.tree.contradictions.moved_meanwhile import (
+    LEAST_RATIO,
+    moved_meanwhile,
+)
+from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.transform import transform
+
+from ..slow_rest import slow_rest
+from .simulated_trees import observed, one_arm
+
+POSES, AFTER = 60, 34
+SIGMA = {"points": 2e-4, "camera": 0.3}
+
+
+def moved_by(part, shift=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0)):
+    return replace(part, X_LA=part.X_LA @ transform(rotation_from_vector(turn), shift))
+
+
+def later(made, what):
+    """What is seen from some sample on: the body, and where its joints are."""
+    tree, q = made.tree, made.readings_true
+    if what == "encoder":
+        return tree, q + np.radians(1.0) * (np.arange(q.shape[1]) == 2)
+    if what == "marker":
+        first, *rest = tree.markers
+        return replace(tree, markers=(moved_by(first, (0.0, 0.004, 0.0)), *rest)), q
+    first, *rest = tree.sensors
+    far = ((0.003, 0.0, 0.0), (0.0, 0.0, 0.0)) if what == "tracker" else (
+        (0.0, 0.0, 0.0), (0.0, np.radians(0.5), 0.0))  # fmt: skip
+    return replace(tree, sensors=(moved_by(first, *far), *rest)), q
+
+
+def recorded(what, seed=3, sensor="points"):
+    """A recording in the middle of which something moved."""
+    made = one_arm(seed, markers=3, poses=POSES, sensor=sensor, joint_sigma=np.radians(0.05))
+    if what is None:
+        return made.data
+    info = made.data.joints, made.data.markers, made.data.sensors
+    parts = []
+    for (tree, q), late in (((made.tree, made.readings_true), False), (later(made, what), True)):
+        rng, how = np.random.default_rng(7), {"joint_sigma": np.radians(0.05), "sigma": SIGMA}
+        table = observed(tree, *info, q, rng, **how).observations
+        keep = (table.pose > AFTER) == late
+        parts.append({f.name: getattr(table, f.name)[keep] for f in fields(ObservationTable)})
+    both = {k: np.concatenate([part[k] for part in parts]) for k in parts[0]}
+    return replace(made.data, observations=ObservationTable(**both))
+
+
+@pytest.mark.parametrize(
+    ("what", "sensor", "said", "size"),
+    [
+        ("marker", "points", r"'hand_tag0' slipped on its link by about (\S+) mm", 4.0),
+        *slow_rest(
+            [
+                ("encoder", "points", r"the encoder of 'j3' jumped by about (\S+) deg", 1.0),
+                ("tracker", "points", r"sensor 'tracker' moved by about (\S+) mm", 3.0),
+                ("camera", "camera", r"sensor 'left' moved by about \S+ mm and (\S+) deg", 0.5),
+            ],
+            plain=0,
+        ),
+    ],
+)
+def test_what_moves_is_named_with_when_and_how_far(what, sensor, said, size):
+    found = calibrate_tree(recorded(what, sensor=sensor))
+    verdict = judge(found)
+    assert verdict.status == "FAIL"
+    (reason,) = [text for text in verdict.reasons if "learn from one part alone" in text]
+    told = re.search(said, reason)
+    assert told, reason
+    assert float(told[1]) == pytest.approx(size, rel=0.2)
+    when = int(re.search(r"after sample (\d+)", reason)[1])
+    assert abs(when - AFTER) <= 2
+
+
+@pytest.mark.parametrize("seed", slow_rest(list(range(3, 15))))
+def test_nothing_moves_in_a_sound_recording(seed):
+    found = calibrate_tree(recorded(None, seed)).ladder.solution
+    assert moved_meanwhile(found.problem, found.solution) is None
+
+
+def test_few_poses_are_not_asked():
+    made = one_arm(3, joints=2, markers=3, poses=19)
+    found = calibrate_tree(made.data).ladder.solution
+    assert moved_meanwhile(found.problem, found.solution) is None
+
+
+@pytest.mark.parametrize(
+    ("ratio", "said"),
+    [(LEAST_RATIO - 1e-6, ()), (LEAST_RATIO, ("warning",)), (NOTABLE - 1e-6, ("warning",)),
+     (NOTABLE + 1e-6, ("failure",))],
+)  # fmt: skip
+def test_a_change_is_told_by_how_much_it_matters(monkeypatch, ratio, said):
+    change = Change("something moved", ratio)
+    monkeypatch.setattr(module, "likeliest_change", lambda *_: change)
+    result = result_of(calibrate_tree(one_arm(3, joints=2, markers=3, poses=30).data))
+    told = [one.severity for one in result.findings if "something moved" in one.text]
+    assert tuple(told) == said
