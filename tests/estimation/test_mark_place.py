@@ -160,7 +160,7 @@ def test_a_place_that_chance_makes_takes_no_partner_from_one_beyond_chance():
     left, right, chance = "left", "right", "chance"
 
     def spot(kind, chi_square):
-        return Spot(kind, np.zeros(4), None, chi_square)
+        return Spot(kind, None, chi_square)
 
     elsewhere, glass = spot(NOT_ON_ME, 500.0), spot(ON_GLASS, 1.0)
     by_chance = glass, (left, True), (chance, False)
