@@ -18,11 +18,13 @@ from nico_selfmodel.estimation.mirrors.mark_place import (
     ON_ME,
     MiddleSigma,
     PosedBody,
+    Spot,
     agreeing,
+    best_spots,
     spot_of,
 )
 from nico_selfmodel.geometry.rotation import rotation_about
-from nico_selfmodel.geometry.solids.solid import Solid
+from nico_selfmodel.geometry.solids.solid import Solid, onto_solids
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
@@ -152,6 +154,39 @@ def test_looks_that_show_parts_of_one_spot_agree():
     # Two faces of an edge: that they lie apart across the surface tells nothing either.
     assert np.sqrt(np.linalg.eigvalsh(first.place.in_part)[0]) > 3e-4
     assert np.sqrt(abs(np.linalg.eigvalsh(first.place.own)[0])) < 1e-6
+
+
+def test_a_place_that_chance_makes_takes_no_partner_from_one_beyond_chance():
+    left, right, chance = "left", "right", "chance"
+
+    def spot(kind, chi_square):
+        return Spot(kind, None, chi_square)
+
+    elsewhere, glass = spot(NOT_ON_ME, 500.0), spot(ON_GLASS, 1.0)
+    by_chance = glass, (left, True), (chance, False)
+    assert best_spots([by_chance]) == [(glass, True)]
+    seen_twice = elsewhere, (left, True), (right, True)
+    assert best_spots([by_chance, seen_twice]) == [(elsewhere, True)]
+    # Of what is beyond chance alike, what can be told comes first, and then what fits better.
+    better, me = spot(ON_ME, 0.5), spot(ON_ME, 2.0)
+    pairs = [(one, (left, True), (right, True)) for one in (elsewhere, me, better)]
+    assert best_spots(pairs) == [(better, True)]
+    apart = (me, ("other", False), (chance, False))
+    assert best_spots([seen_twice, apart]) == [(elsewhere, True), (me, False)]
+
+
+@pytest.mark.parametrize("depth", [-0.01, -0.005, 0.0, 0.005, 0.01])
+def test_a_spot_where_two_shapes_meet_is_on_what_cameras_see_of_them(depth):
+    own = Solid("ellipsoid", (0.02, 0.02, 0.02), transform(np.eye(3), [0.0, 0.02, 0.05]))
+    chin, jaw = replace(own, X_FS=X_WH @ own.X_FS), body()
+    whole = replace(jaw, solids=[*jaw.solids, chin], links=["head", "head"])
+    p_W = apply(X_WH, onto_solids([BALL, own], [[0.0, 0.035, 0.2]], [0.0, 0.0, -1.0]))[0]
+    rig = MirrorRig(RIG, MIRROR)
+    eye = rig.virtual.left.X_WC[:3, 3]
+    deep = p_W + depth * (p_W - eye) / np.linalg.norm(p_W - eye)
+    spot = spot_of(rig.project(deep), MiddleSigma(SIGMA), RIG, MIRROR, whole)
+    assert spot.kind == ON_ME
+    assert np.linalg.norm(apply(X_WH, spot.place.p_FM[None])[0] - p_W) < 2e-3
 
 
 def test_what_errs_alike_in_all_looks_is_none_of_their_own():

@@ -119,6 +119,29 @@ def test_an_earlier_picture_tells_what_the_body_does_not():
     assert surprising_places(rest) == ()
 
 
+@pytest.mark.parametrize("moved", [0.05, 0.13, 0.25, 0.375, 1.0])
+def test_a_gradient_counts_by_the_displacement_that_is_meant_however_small(moved):
+    u = np.tile(20.0 + 2.0 * np.arange(100), (40, 1))
+    ramp = np.stack([u, 0.5 * u, 0.0 * u], axis=2).astype(np.uint8)
+    known = Expectation(ramp, np.full((40, 100), moved), NOISE, 0.0)
+    covariance = surprise(ramp, known).covariance.reshape(-1, 3, 3)[1000]
+    noise = (NOISE**2 + 1.0 / 12.0) / 9.0
+    G = np.array([2.0, 1.0, 0.0])
+    V = moved**2 * np.outer(G, G)
+    assert covariance == pytest.approx(V + (noise + 0.15**2 / 3.0 * np.trace(V)) * np.eye(3), 0.05)
+
+
+def test_paint_of_the_same_colour_moves_an_outline_and_does_not_surprise():
+    rng = np.random.default_rng(9)
+    nothing = np.full((120, 160), np.nan)
+    nothing[:, :1] = 1.0
+    own = surprise(seen(checks(), rng), replace(expected(), pixel_sigma=nothing))
+    before, now = seen(checks(), rng), seen(checks(0.25), rng)
+    sharp, thick = (surprise(now, as_before(before, own, NOISE, 0.01, s)) for s in (0.0, 0.25))
+    assert surprising_places(sharp)
+    assert surprising_places(thick) == ()
+
+
 def test_the_threshold_follows_from_the_number_of_places():
     for places in (1, 1000, 40000):
         assert places * chi_square_tail(threshold_of(places), 3) == pytest.approx(FALSE_ALARM)

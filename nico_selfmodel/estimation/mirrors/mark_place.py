@@ -7,6 +7,7 @@ reflection lies on the body's surface; it lies on the glass itself; or neither.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +15,17 @@ from numpy.typing import NDArray
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.estimation.mirrors.body_alignment import BodyMotion
 from nico_selfmodel.geometry.reflection import reflect, reflection_slopes
-from nico_selfmodel.geometry.solids.solid import Solid, distance_to_solids, normals_of_solids
+from nico_selfmodel.geometry.solids.solid import (
+    Solid,
+    distance_to_solids,
+    normals_of_solids,
+    onto_solids,
+)
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.cameras.mirror import Mirror, plane_of_values
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
+_T = TypeVar("_T")
 ON_ME, ON_GLASS, NOT_ON_ME = "on me", "on the glass", "not on me"
 """What a spot can be."""
 GATE_1, GATE_3 = 10.828, 16.266
@@ -26,6 +33,8 @@ GATE_1, GATE_3 = 10.828, 16.266
 _PART = 0.5
 """What the middle of a spot may be off by of which a picture shows a part; set on robots 0 and 1
 [px]."""
+_BEHIND = 0.01
+"""What is hidden lies farther behind what is seen than this, which an outline may [m]."""
 _STEPS = 20
 _ARRIVED = 1e-6
 """Steps along the surface below which its nearest point is found [m]."""
@@ -156,24 +165,20 @@ def _on_body(
 
     With the spot's reflection p of covariance C it is the x that minimises (x - p)' C^-1 (x - p) on
     the surface n.(x - s) = 0: a Kalman step with gain k = C n / n'Cn, anew from the surface at each
-    x. A link that stands elsewhere by d shifts it in the link's frame by (1 - k n') d.
+    x, from p and from what the cameras see in its way: p may lie so deep inside that the nearest
+    surface is one's back, or that of another of the shapes that overlap there. A link that stands
+    elsewhere by d shifts it in the link's frame by (1 - k n') d.
     """
     plane, by_values = plane_of_values(mirror.values, rig.left.X_WC)
     turned = np.eye(3) - 2.0 * np.outer(plane.normal, plane.normal)
     p, C = reflect(plane, behind), turned @ covariance @ turned.T
-    x, gain, normal, off = p, np.zeros(3), np.zeros(3), 0.0
-    variance = 1.0
-    for _ in range(_STEPS):
-        distance = float(distance_to_solids(body.solids, x[None])[0][0])
-        normal = normals_of_solids(body.solids, x[None])[0]
-        variance = float(normal @ C @ normal)
-        gain = C @ normal / variance
-        off = normal @ (x - p) - distance
-        last, x = x, p + gain * off
-        if np.linalg.norm(x - last) < _ARRIVED:
-            break
-    else:
+    p_WC = reflect(plane, np.mean([camera.X_WC[:3, 3] for camera in rig.cameras], axis=0))
+    ends = [_onto_surface(start, p, C, body) for start in (p, _first(p_WC, p, body))]
+    seen = [end for end in ends if end is not None and not _hidden(end[0], p_WC, body)]
+    if not seen:
         return None
+    x, normal, off, variance = min(seen, key=lambda end: end[2] ** 2 / end[3])
+    gain = C @ normal / variance
     link = body.links[int(distance_to_solids(body.solids, x[None])[1][0])]
     X_FW = inverse(body.poses[link])
     onto = np.eye(3) - np.outer(gain, normal)
@@ -196,6 +201,37 @@ def _on_body(
     return Spot(ON_ME, place, off**2 / variance)
 
 
+def _onto_surface(
+    x: NDArray, p: NDArray, C: NDArray, body: PosedBody
+) -> tuple[NDArray, NDArray, float, float] | None:
+    """Return the x that is best for p by steps from a start, n, n.(x - p) and n'Cn; None if none.
+
+    A start where no body is seen is nan.
+    """
+    if not np.isfinite(x).all():
+        return None
+    for _ in range(_STEPS):
+        distance = float(distance_to_solids(body.solids, x[None])[0][0])
+        normal = normals_of_solids(body.solids, x[None])[0]
+        variance = float(normal @ C @ normal)
+        off = float(normal @ (x - p) - distance)
+        last, x = x, p + C @ normal * (off / variance)
+        if np.linalg.norm(x - last) < _ARRIVED:
+            return x, normal, off, variance
+    return None
+
+
+def _first(p_WC: NDArray, x: NDArray, body: PosedBody) -> NDArray:
+    """Return what of the body is seen from a camera in the way of a place; nan if nothing is."""
+    return onto_solids(body.solids, p_WC[None], (x - p_WC) / np.linalg.norm(x - p_WC))[0]
+
+
+def _hidden(x: NDArray, p_WC: NDArray, body: PosedBody) -> bool:
+    """Return whether something of the body is in the way from a camera to a place."""
+    way = (x - p_WC) / np.linalg.norm(x - p_WC)
+    return float((x - _first(p_WC, x, body)) @ way) > _BEHIND  # not where nothing is
+
+
 def _common_along(
     normal: NDArray, slopes: NDArray, ways: Sequence[NDArray], body: PosedBody
 ) -> float:
@@ -214,17 +250,41 @@ def agreeing(first: Sequence[Spot], second: Sequence[Spot]) -> tuple[tuple[Spot,
     Returns:
         Pairs, each spot in one at most, the best first.
     """
+    pairs = [(_apart(a.place, b.place), a, b, (a, b)) for a in first for b in second]
+    return tuple(_each_once([pair for pair in pairs if pair[0] < GATE_3]))
+
+
+def best_spots(
+    found: Sequence[tuple[Spot, tuple[object, bool], tuple[object, bool]]],
+) -> list[tuple[Spot, bool]]:
+    """Return what the surprising places of two pictures show, each place in one spot at most.
+
+    What is beyond chance in both pictures is not left for a place that chance makes in one of them,
+    which may make anything of it; then what is on me or the glass comes first.
+
+    Args:
+        found: Spots, and of which place each is in one picture and in the other, and whether that
+            is beyond chance.
+
+    Returns:
+        Spots, and whether one of their places is.
+    """
     pairs = []
-    for a in first:
-        for b in second:
-            distance = _apart(a.place, b.place)
-            if distance < GATE_3:
-                pairs.append((distance, a, b))
-    found: list[tuple[Spot, Spot]] = []
-    for _, a, b in sorted(pairs, key=lambda pair: pair[0]):
-        if all(a is not x and b is not y for x, y in found):
-            found.append((a, b))
-    return tuple(found)
+    for spot, (a, sure), (b, certain) in found:
+        worse = not (sure and certain), spot.kind == NOT_ON_ME, spot.chi_square
+        pairs.append((worse, a, b, (spot, sure or certain)))
+    return _each_once(pairs)
+
+
+def _each_once(pairs: Sequence[tuple[Any, object, object, _T]]) -> list[_T]:
+    """Return what pairs stand for, the least first, none of two in two of them."""
+    found: list[_T] = []
+    used: set[int] = set()
+    for _, a, b, meant in sorted(pairs, key=lambda pair: pair[0]):
+        if used.isdisjoint((id(a), id(b))):
+            used |= {id(a), id(b)}
+            found.append(meant)
+    return found
 
 
 def _apart(a: LinkPlace | None, b: LinkPlace | None) -> float:

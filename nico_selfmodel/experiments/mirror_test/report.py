@@ -170,6 +170,7 @@ def _given() -> Table:
         ["what the middle of a spot is not known by besides its fit", SET_MIDDLE],
         ["how much of a body a mirror may show otherwise", SET_UNLIKE],
         ["what is a mirror, a picture or another", "derived, but for 5 px: set on 900 and 950"],
+        ["how thick paint may be", "0.2 mm: given"],
         ["threshold of a surprising place", "derived: one false place in 100 pictures"],
         ["how near the arm may come to the body, how far the finger may lean", NEAR_AND_LEAN],
         ["odds that stop the test", "derived: 100 to 1 that of 100 verdicts not one is wrong"],

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.experiments.mirror_test.encounters import (
@@ -23,8 +23,11 @@ from nico_selfmodel.experiments.mirror_test.unmarked_report import unmarked_docu
 from nico_selfmodel.sessions.mirrors.acquaintance import Acquainted, acquainted
 from nico_selfmodel.sessions.mirrors.knowing import PLATE, know_mirrors
 from nico_selfmodel.sessions.progress import Stage
+from nico_selfmodel.systems.closing import free_memory
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
+
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +83,7 @@ def run_stages(
     check_trials(trials, len(seeds))
     check_marks(marks, len(seeds))
     robots = acquainted(world, seeds, progress)
-    done: dict[str, Any] = {"encounters": run_encounters(robots, trials, progress)}
+    done: dict[str, Any] = {"encounters": _alone(run_encounters(robots, trials, progress))}
     try:
         _go_on(done, robots, looks, marks, plate, progress)
     except SelfModelError as error:
@@ -100,18 +103,24 @@ def _go_on(
     """Add the later stages to those that are done, until one fails."""
     if encounters_document(done["encounters"])["status"] == "FAIL":
         return
-    done["images"] = run_images(robots, progress)
+    done["images"] = _alone(run_images(robots, progress))
     if images_document(done["images"])["status"] == "FAIL":
         return
-    known, refused = know_mirrors(robots, plate, progress)
+    known, refused = _alone(know_mirrors(robots, plate, progress))
     done["mirrors"] = place_mirrors(known, refused)
     if mirrors_document(done["mirrors"])["status"] == "FAIL":
         return
-    done["structure"] = run_structure(known, progress)
-    done["unmarked"] = run_unmarked(known, looks, progress)
+    done["structure"] = _alone(run_structure(known, progress))
+    done["unmarked"] = _alone(run_unmarked(known, looks, progress))
     if unmarked_document(done["unmarked"])["status"] == "FAIL":
         return
     done["marks"] = run_marks(known, marks, progress)
     if any(one["status"] == "FAIL" for one in marks_documents(done["marks"])):
         return
     done["touches"] = run_touches(known, done["marks"], progress)
+
+
+def _alone(found: _T) -> _T:
+    """Return what a stage found, once all else that it took is given back: renderers are large."""
+    free_memory()
+    return found

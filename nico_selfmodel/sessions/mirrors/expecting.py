@@ -31,10 +31,10 @@ APPEARANCE_SIGMA = 0.03
 robot 0."""
 _UNLIKE = 16.27
 """Chi-square of three degrees of freedom that one place in a thousand exceeds by chance."""
-_WHOLE = 0.125
+_WHOLE = 0.2
 """Of what a link's places are likeliest not known by, what is the place of the whole link: the rest
-is another in each edge. Once body and light are known at once it is off by 0.05 mm of 0.5 (robots
-1833 and 1846)."""
+is another in each edge. Once body and light are known at once it is off by 0.05 mm (robots 1833 and
+1846) of 0.25 (1846)."""
 
 
 @dataclass(frozen=True, eq=False)

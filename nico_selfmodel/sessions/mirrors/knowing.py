@@ -21,6 +21,7 @@ from nico_selfmodel.sessions.mirrors.mirror_scenario import (
 )
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, of_robot
+from nico_selfmodel.systems.closing import free_memory
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
@@ -108,6 +109,7 @@ def know_mirrors(
         stage = of_robot(progress, i, len(robots))
         try:
             learned = learn_two_mirrors(robot, plate, stage)
+            free_memory()
             found.append(trusting(know_itself(with_mirrors(robot, learned), plate, stage)))
         except EstimationError as error:
             refused.append(Refusal(robot.seed, str(error)))

@@ -15,6 +15,7 @@ from nico_selfmodel.estimation.mirrors.mark_place import (
     PosedBody,
     Spot,
     agreeing,
+    best_spots,
     spot_of,
 )
 from nico_selfmodel.estimation.mirrors.other_sight import nearest_depth, other_sights
@@ -237,15 +238,8 @@ class MarkFinder:
                 spot = spot_of(pixels, MiddleSigma(own, LENS_SIGMA), rig, mirror, body)
                 if spot is None or (spot.kind == NOT_ON_ME and self._on_arm(pair, a, b)):
                     continue
-                found.append(((spot.kind == NOT_ON_ME, spot.chi_square), spot, a, b,
-                              strong_a or strong_b))  # fmt: skip
-        kept: Told = []
-        used: list[Blob] = []
-        for _, spot, a, b, strong in sorted(found, key=lambda one: one[0]):
-            if all(a is not other and b is not other for other in used):
-                used += [a, b]
-                kept.append((spot, strong))
-        return kept
+                found.append((spot, (a, strong_a), (b, strong_b)))
+        return best_spots(found)
 
     def _sights(
         self,

@@ -29,7 +29,8 @@ from nico_selfmodel.vision.surprise.surprise import (
 COLOR_SIGMA = 0.01
 """What colours are not known by once the body has been looked at, as a share of the grey level; set
 on robots 0 and 1."""
-
+PAINT = 2e-4
+"""How thick paint may be that moves an outline it lies on [m]."""
 COLORS = (COLOR_SIGMA, 0.02, 0.04, 0.08)
 """What colours and light of a link may turn out not to be known by, as a share."""
 POINTS = (2.5e-4, 3.5e-4, 5e-4, 7e-4, 1e-3, 1.4e-3, 2e-3, POINT_SIGMA)
@@ -213,7 +214,8 @@ class MirrorLooks:
         """Return what has changed since a shot, where nothing is judged by the expected body.
 
         What is not oneself is expected to look as it did, and so are one's own outline and arm,
-        which stand still.
+        which stand still, but for the thickness of paint: where it is of the same colour as what is
+        under it, it only moves an outline.
 
         Args:
             shot: Taken before, from where the robot stands now.
@@ -225,9 +227,15 @@ class MirrorLooks:
         left, right = (
             surprise(
                 look.picture,
-                as_before(picture, look.surprise, look.expected.noise, COLOR_SIGMA),
+                as_before(
+                    picture,
+                    look.surprise,
+                    look.expected.noise,
+                    COLOR_SIGMA,
+                    camera.fx * PAINT / float(np.median(look.depth[np.isfinite(look.depth)])),
+                ),
             )
-            for picture, look in zip(shot.pictures, pair, strict=True)
+            for picture, look, camera in zip(shot.pictures, pair, self._rig.cameras, strict=True)
         )
         return left, right
 

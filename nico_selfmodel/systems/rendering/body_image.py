@@ -248,11 +248,9 @@ class BodyImage(Closable, LeafSystem):
             plane = mirror.plane_in(self._X_BW @ self._cameras[0].X_WC)
             reflected = self._render(query, k, plane)
             before = seen.labels == NOTHING
-            seen = LabelledPicture(
-                np.where(before[:, :, None], reflected.color, seen.color),
-                np.where(before, reflected.depth, seen.depth),
-                np.where(before, reflected.labels, seen.labels),
-            )
+            np.copyto(seen.color, reflected.color, where=before[:, :, None])
+            np.copyto(seen.depth, reflected.depth, where=before)
+            np.copyto(seen.labels, reflected.labels, where=before)
         return LabelledPicture(
             warp.apply(seen.color),
             warp.nearest(seen.depth, np.inf),
@@ -281,6 +279,7 @@ class BodyImage(Closable, LeafSystem):
 
     def _give_back(self) -> None:
         self._last = [None, None]
+        self._warps.clear()  # megabytes, which Drake would keep with this system
         remove_scene(self.__scene)
         self.__context = self.__diagram = None
         free_memory()

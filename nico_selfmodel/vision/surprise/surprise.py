@@ -20,6 +20,8 @@ _GAIN_STEPS = 5
 """Times the gain is estimated anew without what does not follow it."""
 _CERTAIN = 2.5
 """Standard deviations within which an outline is sure to be."""
+_TAPS = 4.0
+"""Standard deviations that a Gaussian of whole pixels reaches, and a pixel."""
 _FAR_OFF = 3.0
 """Robust standard deviations beyond which a pixel does not tell the gain."""
 
@@ -94,7 +96,11 @@ class Surprise:
 
 
 def as_before(
-    picture: NDArray, own: Surprise, noise: float, appearance_sigma: float
+    picture: NDArray,
+    own: Surprise,
+    noise: float,
+    appearance_sigma: float,
+    pixel_sigma: float = 0.0,
 ) -> Expectation:
     """Return an earlier picture as what is expected now, where the body tells nothing.
 
@@ -105,9 +111,10 @@ def as_before(
         own: What differs now from the expected body.
         noise: Standard deviation of a grey level of one picture.
         appearance_sigma: What colours and light may have changed by, as a share.
+        pixel_sigma: What outlines may have moved by [px].
     """
     untold = np.isnan(own.chi_square).astype(np.uint8)
-    known = np.where(cv2.dilate(untold, _PLACE) > 0, 0.0, np.nan)
+    known = np.where(cv2.dilate(untold, _PLACE) > 0, pixel_sigma, np.nan)
     return Expectation(picture, known, np.sqrt(2.0) * noise, appearance_sigma)
 
 
@@ -279,7 +286,18 @@ _PAIRS: Sequence[tuple[int, int]] = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1,
 
 
 def _blurred(picture: NDArray, sigma: float) -> NDArray:
-    return picture if sigma <= 0.0 else cv2.GaussianBlur(picture, (0, 0), sigma)
+    """Return a picture's mean over displacements of a standard deviation, however small it is.
+
+    The Gaussian of whole pixels is exp(-t) I_n(t), t = sigma^2, of variance t and of the transform
+    exp(t (cos w - 1)) (Lindeberg 1990, scale-space for discrete signals).
+    """
+    if sigma <= 0.0:
+        return picture
+    reach = int(np.ceil(_TAPS * sigma)) + 1
+    w = 2.0 * np.pi * np.fft.rfftfreq(2 * reach + 1)
+    taps = np.fft.irfft(np.exp(sigma**2 * (np.cos(w) - 1.0)), 2 * reach + 1)
+    taps = np.roll(taps, reach)
+    return cv2.sepFilter2D(picture, -1, taps, taps)
 
 
 def _gain(seen: NDArray, expected: NDArray, variance: NDArray) -> float:
