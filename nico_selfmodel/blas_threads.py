@@ -6,6 +6,8 @@ from typing import ParamSpec, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
+from nico_selfmodel.freed_memory import keep_freed_memory
+
 _Given = ParamSpec("_Given")
 _Found = TypeVar("_Found")
 
@@ -30,4 +32,5 @@ def _libraries() -> ThreadpoolController:
     """Return the BLAS libraries of this process; to find them takes some milliseconds."""
     import numpy.linalg  # noqa: F401  whose BLAS must be there
 
+    keep_freed_memory()
     return ThreadpoolController()

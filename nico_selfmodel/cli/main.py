@@ -15,7 +15,9 @@ def main() -> None:
     # OpenCV's own lines say nothing that ours do not; it reads this when it is loaded.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     from nico_selfmodel.cli.interruption import say_stopped, was_stopped
+    from nico_selfmodel.freed_memory import keep_freed_memory
 
+    keep_freed_memory()
     try:
         from nico_selfmodel.cli.app import run
 

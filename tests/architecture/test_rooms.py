@@ -16,6 +16,7 @@ ALLOWED = {
     "errors": set(),
     "arrays": {"numpy"},
     "blas_threads": {"numpy", "threadpoolctl"},
+    "freed_memory": set(),
     "parallel": {"distributed"},
     "progress": set(),
     "least_squares": {"numpy"},

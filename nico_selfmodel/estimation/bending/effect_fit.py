@@ -15,8 +15,9 @@ so that an effect whose numbers nothing tells costs one number, v. Counting its 
 (BIC) keeps couplings from real arms that gain a tenth by them, and ripples from simulated ones.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -67,10 +68,15 @@ class EffectFit:
     """Of sensors and joints, the effects taken off."""
     evidence: float
     """-2 log evidence but for a constant: smaller is better."""
-    left_out: NDArray
-    """Error of each row that counts, predicted without its fold of poses [m or px]. Shape (K,)."""
+    hold_out: Callable[[], NDArray]
+    """Predicts each row that counts without its fold of poses."""
     pose: NDArray
-    """Pose of each of them. Shape (K,)."""
+    """Pose of each row that counts. Shape (K,)."""
+
+    @cached_property
+    def left_out(self) -> NDArray:
+        """Error of each of them, predicted without its fold [m or px]. Shape (K,)."""
+        return self.hold_out()
 
     @property
     def values(self) -> NDArray:
@@ -282,7 +288,7 @@ class _Task:
             judged.reduced.solve(self.start, judged.variance)[0],
             judged.weighed.noise,
             judged.evidence,
-            self.without_folds(judged),
+            partial(self.without_folds, judged),
             judged.weighed.pose,
         )
 

@@ -10,6 +10,8 @@ from nico_selfmodel.estimation.bending.bendable import Weighed
 from nico_selfmodel.estimation.results.folds import fold_of
 
 _LEAST = 1e-12
+_UNTOLD = 1e-11
+"""Information of a rigid direction, of the largest, below which nothing tells it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +99,10 @@ class Reduced:
         told = np.diag(A) > 0.0
         # What nothing tells stays where it is: in units of almost nothing it would go anywhere.
         size = np.sqrt(np.where(told, np.diag(A), 1.0))
-        units = np.outer(size, size)
-        inverse = np.linalg.pinv(A / units, rcond=1e-11, hermitian=True) / units
+        known, vectors = np.linalg.eigh(A / np.outer(size, size))
+        kept = np.abs(known) > _UNTOLD * np.abs(known).max(initial=0.0)
+        vectors = vectors[:, kept] / size[:, None]
+        inverse = vectors / known[kept] @ vectors.T
         across = H[np.ix_(rigid, effects)]
         gain, alone = inverse @ across, inverse @ g[rigid]
         ends = np.cumsum([0, *(len(own) for own in member.values())])

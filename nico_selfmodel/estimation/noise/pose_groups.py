@@ -129,7 +129,10 @@ class PoseGroups:
         """Return A'B of each visit's coordinates. Shapes (T, a), (T, b) -> (visits, a, b)."""
         out = np.zeros((self.poses, one.shape[1], other.shape[1]))
         for bucket, (A, B) in self.stacks(one, other):
-            out[bucket.visits] = np.swapaxes(A, 1, 2) @ B
+            across = np.swapaxes(A, 1, 2)
+            if len(self.buckets) == 1:  # of all visits, in order
+                return across @ B
+            out[bucket.visits] = across @ B
         return out
 
 

@@ -180,14 +180,14 @@ class VarianceSearch:
         scale = np.where(self._grouped < 0, 1.0, sensor[self._grouped])[:, None]
         by_angle = data.by_angle / sensor[self._sensor][:, :, None]
         S = PoseWhitening(data.groups, by_angle, PoseNoise(1.0, joint), data.slipped)
-        white = S.root(self._columns / scale)
+        found = S.root(np.column_stack([self._columns / scale, S.lever]))
+        white, A = np.split(found, [self._columns.shape[1]], axis=1)
         sums = white.T @ white
         known = 0.0 if data.information is None else np.diag(data.information)
         L, determinant = _root_of_inverse(sums[1:, 1:] + known)
         fit = np.zeros((len(sums), 1 + L.shape[1]))
         fit[0, 0], fit[1:, 0], fit[1:, 1:] = 1.0, -L @ (L.T @ sums[1:, 0]), L
         both = white @ fit  # e, Z
-        A = S.root(S.lever)
         told = data.groups.products(A, both)
         along, fitted = told[:, :, 0], np.einsum("vjp,vjp->vj", told[:, :, 1:], told[:, :, 1:])
         own = np.einsum("vjj->vj", data.groups.products(A, A))

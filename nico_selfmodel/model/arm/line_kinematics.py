@@ -169,6 +169,7 @@ class CarriedLines:
 
 def cross(a: NDArray, v: NDArray) -> NDArray:
     """Return a x v along the first axis, which has length 3; the others broadcast."""
-    return np.stack(
-        [a[1] * v[2] - a[2] * v[1], a[2] * v[0] - a[0] * v[2], a[0] * v[1] - a[1] * v[0]]
-    )
+    out = np.empty((3, *np.broadcast_shapes(a.shape[1:], v.shape[1:])), np.result_type(a, v))
+    for k, i, j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.subtract(a[i] * v[j], a[j] * v[i], out=out[k])
+    return out

@@ -1,12 +1,14 @@
 """Residuals of every row that was held against a model, as a table to download."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.arm.evaluation import Evaluation
 from nico_selfmodel.files.csv_cells import rows_text
+
+if TYPE_CHECKING:
+    from nico_selfmodel.estimation.arm.evaluation import Evaluation
 
 RESIDUALS_FILE = "residuals.csv"
 POINT_HEADINGS = (
@@ -27,7 +29,7 @@ def points_csv(sets: Iterable[Held]) -> str:
     return rows_text(POINT_HEADINGS, (row for one in sets if one[1] for row in _point_rows(*one)))
 
 
-def _point_rows(name: str, found: Evaluation, outliers: NDArray | None) -> Rows:
+def _point_rows(name: str, found: "Evaluation", outliers: NDArray | None) -> Rows:
     seen = found.observations
     for i, error in enumerate(1e3 * found.distances):
         marker = seen.markers[seen.marker[i]]

@@ -80,8 +80,12 @@ def _pattern(counts: NDArray, color: NDArray) -> NDArray:
     columns, rows = counts.tolist()
     dark = (np.arange(rows)[:, None] + np.arange(columns)) % 2 == 0
     squares = np.where(dark[:, :, None], [*color, 1.0], [1.0, 1.0, 1.0, _GLASS])
-    image = np.kron(squares, np.ones((_SQUARE_PIXELS, _SQUARE_PIXELS, 1)))
+    image = np.repeat(np.repeat(_bytes(squares), _SQUARE_PIXELS, axis=0), _SQUARE_PIXELS, axis=1)
     edge = _DARKER * color + (1.0 - _DARKER) * np.array(to_rgb(palette.INK))
     for rim in (np.s_[:_EDGE_PIXELS], np.s_[-_EDGE_PIXELS:]):
-        image[rim], image[:, rim] = [*edge, 1.0], [*edge, 1.0]
-    return np.round(255.0 * image).astype(np.uint8)
+        image[rim], image[:, rim] = _bytes([*edge, 1.0]), _bytes([*edge, 1.0])
+    return image
+
+
+def _bytes(color: ArrayLike) -> NDArray:
+    return np.round(255.0 * np.asarray(color)).astype(np.uint8)
