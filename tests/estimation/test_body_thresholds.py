@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.sensors import SensorInfo
 from nico_selfmodel.errors import DataError, NotConvergedError
 from nico_selfmodel.estimation.bending.bendable import GEAR
 from nico_selfmodel.estimation.bending.implausible import COUPLES, LIFTS, gear_fault, implausible
@@ -30,7 +31,7 @@ from nico_selfmodel.estimation.tree.tree_setup import DESCRIBED, Wishes
 from nico_selfmodel.model.arm.bending import COUPLING, SAG
 from nico_selfmodel.model.tree.body_model import BodyModel
 
-from .simulated_trees import one_arm
+from .simulated_trees import observed, one_arm
 from .test_one_problem import flange_dataset, hand_eye_poses
 
 SIGMA = 3e-4
@@ -45,6 +46,16 @@ def slider():
     sensors = tuple(replace(sensor, sigma=SIGMA) for sensor in data.sensors)
     data = replace(data, sensors=sensors)
     return calibrate_tree(data, effects=())
+
+
+@pytest.fixture(scope="module")
+def turning():
+    """An arm before a sensor that tells a marker's turns."""
+    sim, rng = one_arm(5, joints=3, poses=30), np.random.default_rng(2)
+    sigma = {"poses": 4e-4, "points": 4e-4, "turn": 1e-3}
+    seen = (*(sim.data.joints, sim.data.markers), (SensorInfo("tracker", "poses"),))
+    how = {"sigma": sigma, "joint_sigma": np.radians(0.03)}
+    return calibrate_tree(observed(sim.tree, *seen, sim.readings_true, rng, **how), effects=())
 
 
 def said(calibration, **solution):
@@ -68,6 +79,21 @@ def test_a_sensor_that_measures_five_times_worse_than_stated_fails(slider, times
 def test_a_sensor_that_measures_ten_times_better_than_stated_is_doubted(slider, times, asked):
     words = with_noise(slider, sensor=np.array([SIGMA / times]))
     assert ("is the unit of its sigma right?" in words) is asked
+
+
+@pytest.mark.parametrize(("share", "fails"), [(0.049, False), (0.051, True)])
+def test_noise_of_a_twentieth_of_what_a_sensor_saw_explains_nothing(slider, share, fails):
+    measured = slider.train.observations.sensors[0].measured
+    noise = share * np.sqrt(np.var(measured[:, :3], axis=0).sum())
+    words = with_noise(slider, sensor=np.array([noise]))
+    assert ("the body does not explain it" in words) is fails
+
+
+@pytest.mark.parametrize(("degrees", "fails"), [(14.8, False), (15.2, True)])
+def test_turns_that_are_off_by_fifteen_degrees_are_no_noise(turning, degrees, fails):
+    sensor = np.array([4e-4, np.radians(degrees)])
+    words = with_noise(turning, sensor=sensor)
+    assert ("the body does not explain it" in words) is fails
 
 
 @pytest.mark.parametrize(("times", "named"), [(1.95, False), (2.05, True)])

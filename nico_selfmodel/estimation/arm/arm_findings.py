@@ -8,7 +8,7 @@ from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
 from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
 from nico_selfmodel.estimation.diagnosis.gear_check import gear_words
 from nico_selfmodel.estimation.diagnosis.misread_joint import misread_joints, nearest_turns
-from nico_selfmodel.estimation.noise.hand_noise import LARGEST_JOINT_NOISE
+from nico_selfmodel.estimation.noise.hand_noise import LARGEST_JOINT_NOISE, LARGEST_NOISE
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import (
     chance_of_more,
@@ -29,8 +29,6 @@ from nico_selfmodel.estimation.results.calibration_result import (
 from nico_selfmodel.estimation.results.verdict import outliers_are_many
 from nico_selfmodel.model.arm.dh_parameters import DhParameters, slopes_by_angle
 
-_LARGEST_NOISE = 0.05
-"""Residuals above this share of the workspace's size explain nothing."""
 _PATTERNED_NOISE = 0.02
 """... as do residuals above this smaller share that depend on the pose."""
 _LARGEST_RATIO = 10.0
@@ -277,7 +275,7 @@ def _misfit_reason(calibration: KinematicCalibration) -> str | None:
     if noise is None or len(calibration.train.distances) < 10:
         return None
     in_size = f"{1e3 * noise:.1f} mm a coordinate in a workspace of {1e3 * size:.0f} mm: {advice}"
-    if noise > _LARGEST_NOISE * size:
+    if noise > LARGEST_NOISE * size:
         return f"the residuals are {in_size}"
     if noise > _PATTERNED_NOISE * size and calibration.patterns:
         return f"the residuals depend on the pose and are {in_size}"

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+LARGEST_NOISE = 0.05
+"""Residuals above this share of the size of what was seen explain nothing."""
 LARGEST_JOINT_NOISE = np.radians(5.0)
 """A joint that is this uncertain about its encoder is not noisy but wrong: that is no play."""
 

@@ -26,6 +26,7 @@ from nico_selfmodel.estimation.tree.contradictions.exchanged_markers import exch
 from nico_selfmodel.estimation.tree.contradictions.heavy_tails import slipping_joints
 from nico_selfmodel.estimation.tree.contradictions.moved_meanwhile import moved_meanwhile
 from nico_selfmodel.estimation.tree.contradictions.off_at_once import sensors_off_at_once
+from nico_selfmodel.estimation.tree.contradictions.sensor_noise import loose_sigmas, sensor_misfits
 from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
@@ -34,10 +35,6 @@ from nico_selfmodel.estimation.tree.tree_setup import DESCRIBED
 from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE
 from nico_selfmodel.names import listed
 
-_MISFIT = 5.0
-"""Times the stated sigma of a sensor beyond which the body does not explain what it measured."""
-_LOOSE = 10.0
-"""Times less than the stated sigma from which on that is doubted."""
 _LARGEST_FLANGE_PLACE = 0.05
 """A place of a flange that is off by so much is no play [m]."""
 _LOUD = 2.0
@@ -71,7 +68,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
         *described_words(calibration),
         *_alike_words(calibration),
         *_slip_words(calibration),
-        *_loose_sigmas(calibration),
+        *loose_sigmas(calibration),
         *_assumed_sigmas(calibration),
         *_loud_words(calibration),
         *exchanged_markers(calibration),
@@ -82,7 +79,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     changed = [change.reason] if change is not None and change.reason else []
     return (
         *contradiction_findings(calibration),
-        *findings(MISFIT, [*_misfits(calibration), *_flange_misfits(calibration)]),
+        *findings(MISFIT, [*sensor_misfits(calibration), *_flange_misfits(calibration)]),
         *findings(FAILURE, [*changed, *_noise_reasons(calibration)]),
         *findings(FAILURE, bent_reasons(calibration.flatness)),
         *findings(FAILURE, gear_words(ladder.doubtful_gears)),
@@ -144,27 +141,6 @@ def described_words(calibration: TreeCalibration) -> list[str]:
     ]
 
 
-def _misfits(calibration: TreeCalibration) -> list[str]:
-    """Say which sensors' residuals are far beyond the noise that they are said to have."""
-    return [
-        f"what sensor {name!r} measured is off by {found}, it is said to be sure to {stated}: "
-        "check units, lenses, which link each marker is on, and whether something moved during "
-        "the recording"
-        for name, found, stated, ratio in _noise_beside_stated(calibration)
-        if ratio > _MISFIT
-    ]
-
-
-def _loose_sigmas(calibration: TreeCalibration) -> list[str]:
-    """Say which sensors measure far better than they are said to."""
-    return [
-        f"what sensor {name!r} measured scatters by {found}, it is said to be sure to {stated}: is "
-        "the unit of its sigma right?"
-        for name, found, stated, ratio in _noise_beside_stated(calibration)
-        if ratio * _LOOSE < 1.0
-    ]
-
-
 def _assumed_sigmas(calibration: TreeCalibration) -> list[str]:
     """Say which distances and touches are too few to tell their noise, which nobody stated."""
     seen, data = calibration.train.observations, calibration.data
@@ -180,21 +156,6 @@ def _assumed_sigmas(calibration: TreeCalibration) -> list[str]:
         "error bars of lengths rest on it; state `sigma_m` of the sensor, or record "
         f"{ENOUGH_TOUCHES} poses with them"
     ]
-
-
-def _noise_beside_stated(calibration: TreeCalibration) -> list[tuple[str, str, str, float]]:
-    """Return name, noise found, noise stated and their ratio of sensors that state one."""
-    solution, observations = calibration.solution, calibration.train.observations
-    out = []
-    for rows in observations.sensors:
-        info = calibration.data.sensors[rows.sensor]
-        if info.sigma is None or not solution.variances_known:
-            continue
-        found = float(solution.noise.sensor[observations.noise_group[rows.first]])
-        unit, scale = ("px", 1.0) if rows.kind == CAMERA else ("mm", 1e3)
-        shown = (f"{scale * sigma:.3g} {unit}" for sigma in (found, info.sigma))
-        out.append((info.name, *shown, found / info.sigma))
-    return out
 
 
 def _noise_reasons(calibration: TreeCalibration) -> list[str]:
