@@ -159,7 +159,7 @@ def rezero_body(
         against = body_contradictions(near.body(model), data)
     if found is None or not _fits(found, against):
         # No slope leads to a zero that is far away: zeros all over the turn are tried.
-        far = _relearned(model, tree, told, names, begin=likely_zeros(tree, seen, names))
+        far = _relearned(model, tree, told, names, begin=_likely_zeros(tree, seen, names))
         tries = [far] if near is None else [near, far]
         found = min(tries, key=lambda one: (int(one.set_aside.sum()), one.misfit))
         against = body_contradictions(found.body(model), data)
@@ -290,17 +290,12 @@ def _is_turned(data: BodyDataset, name: str) -> bool:
     return bool((kinds[mine] == POSES).any())
 
 
-def likely_zeros(tree: BodyTree, seen: TreeObservations, names: frozenset[str]) -> BodyTree:
+def _likely_zeros(tree: BodyTree, seen: TreeObservations, names: frozenset[str]) -> BodyTree:
     """Return a body whose zeros explain observations better than others all over the turn do.
 
-    They are tried joint by joint from the root, the others where they fit best so far. See
-    `zero_search` for an arm, whose zeros are tried together.
-
-    Args:
-        tree: The body; all but `names` is near the truth.
-        seen: What was seen of it.
-        names: Zeros that are lost, parameters of joints' frames; of joints that turn they are
-            searched.
+    Of joints that turn they are tried joint by joint from the root, the others where they fit best
+    so far; all but `names` is near the truth. See `zero_search` for an arm, whose zeros are tried
+    together.
     """
     parameters = TreeParameters(tree)
     residuals = TreeResiduals(seen, parameters)
