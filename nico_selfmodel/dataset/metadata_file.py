@@ -52,7 +52,7 @@ def read_metadata(path: Path) -> dict[str, Any]:
         raise DataError(f"{path}: 'cameras' must be a mapping, got {shown(cameras)}")
     return {
         "name": text_value(content, "name", str(path)),
-        "joints": read_joint_list(content, str(path)),
+        "joints": _read_joint_list(content, str(path)),
         "point_sigma_m": number_value(content, "point_sigma_m", str(path)),
         "pixel_sigma_px": number_value(content, "pixel_sigma_px", str(path)),
         "image_size": _image_size(content, path),
@@ -62,15 +62,8 @@ def read_metadata(path: Path) -> dict[str, Any]:
     }
 
 
-def read_joint_list(content: dict[str, Any], where: str) -> tuple[JointInfo, ...]:
-    """Read the `joints` of a YAML mapping.
-
-    Args:
-        content: The mapping.
-        where: Place for messages.
-
-    Returns:
-        The joints, from the base to the hand.
+def _read_joint_list(content: dict[str, Any], where: str) -> tuple[JointInfo, ...]:
+    """Read the `joints` of a YAML mapping, from the base to the hand.
 
     Raises:
         DataError: If there are none, one is not valid, or two have one name.

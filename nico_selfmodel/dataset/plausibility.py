@@ -38,7 +38,7 @@ def check_as_read(dataset: Dataset, place: str) -> None:
         DataError: As `check_plausible`, or if many rows are copies.
 
     Warns:
-        UserWarning: As `warn_of_units` and `warn_of_outside`.
+        UserWarning: As `_warn_of_units` and `warn_of_outside`.
     """
     check_plausible(dataset, place)
     measured = np.hstack([dataset.p_WH_measured, dataset.pixels])
@@ -46,7 +46,7 @@ def check_as_read(dataset: Dataset, place: str) -> None:
     for own in np.split(dataset.pixels, 2, axis=1):
         warn_of_outside(own, dataset.image_size, place)
     refuse_copies(dataset.sample[seen], np.hstack([dataset.encoders, measured])[seen], place)
-    warn_of_units(dataset, place)
+    _warn_of_units(dataset, place)
 
 
 def refuse_copies(sample: NDArray, rows: NDArray, place: str) -> None:
@@ -137,19 +137,11 @@ def check_plausible(dataset: Dataset, place: str) -> None:
         _check_sweep_moved(dataset, joint, place)
 
 
-def warn_of_units(dataset: Dataset, place: str) -> None:
+def _warn_of_units(dataset: Dataset, place: str) -> None:
     """Warn of numbers that look like another unit than the one they are said to have.
 
-    Args:
-        dataset: The data.
-        place: The file, for the message.
-
-    Raises:
-        DataError: If some samples are in degrees, see `check_radians`.
-
-    Warns:
-        UserWarning: If a joint read in `rad` turned by more than two whole turns, or all points,
-            and more than two, lie within 2 mm.
+    Of joints read in `rad` that turned by more than two whole turns, and of more than two points
+    that all lie within 2 mm; some samples in degrees are refused, see `check_radians`.
     """
     in_rad = [i for i, joint in enumerate(dataset.joints) if joint.encoder_unit == "rad"]
     check_radians(

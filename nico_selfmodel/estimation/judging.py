@@ -2,8 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from nico_selfmodel.estimation.results.calibration_result import CalibrationResult
-from nico_selfmodel.estimation.results.document import document_of
+from nico_selfmodel.estimation.results.calibration_result import CalibrationResult, Errors
 from nico_selfmodel.estimation.results.judge import verdict_on
 from nico_selfmodel.estimation.results.verdict import Verdict
 
@@ -97,4 +96,24 @@ def to_json(calibration: "Calibration", verdict: Verdict) -> dict[str, Any]:
     Returns:
         A mapping of plain Python values.
     """
-    return document_of(result_of(calibration), verdict)
+    result = result_of(calibration)
+    return {
+        "status": verdict.status,
+        "reasons": list(verdict.reasons),
+        "warnings": list(verdict.warnings),
+        "method": result.method,
+        "train": _block(result.train),
+        "test": _block(result.test),
+        "cross_validation": _block(result.cross_validation),
+        "parameters": {name: known.to_json() for name, known in result.parameters.items()},
+        "not_identifiable": list(result.unobservable),
+        "outliers": list(result.outlier_names),
+        **result.details,
+        "seconds": result.seconds,
+        "iterations": result.iterations,
+        "converged": result.converged,
+    }
+
+
+def _block(errors: Errors | None) -> dict[str, Any] | None:
+    return None if errors is None else errors.to_json()

@@ -68,7 +68,7 @@ def _trial(world: Imperfections, seed: int, stage: Stage) -> Trial:
     """
     scenario = learn_body(world, seed, marker=MARKER, stage=stage)
     # One camera is enough for a pose to count, so that both may have seen fewer.
-    direct = seen_by_both(scenario.arm.test, "", TEST_POSES, TEST_POSES // 2)
+    direct = _seen_by_both(scenario.arm.test, "", TEST_POSES, TEST_POSES // 2)
     nico = RenderedNico(world, seed, (MARKER,))
     before = NicoBeforeMirrors(nico, RENDERED_MIRRORS, rig=scenario.model.rig)
 
@@ -88,8 +88,8 @@ def _trial(world: Imperfections, seed: int, stage: Stage) -> Trial:
     found = Trial.of(
         scenario.model,
         direct,
-        {name: seen_by_both(train, name, max(POSES)) for name in RENDERED_MIRRORS},
-        {name: seen_by_both(test, name, TEST_POSES) for name in RENDERED_MIRRORS},
+        {name: _seen_by_both(train, name, max(POSES)) for name in RENDERED_MIRRORS},
+        {name: _seen_by_both(test, name, TEST_POSES) for name in RENDERED_MIRRORS},
         PIXEL_SIGMA,
         true,
     )
@@ -97,17 +97,11 @@ def _trial(world: Imperfections, seed: int, stage: Stage) -> Trial:
     return found
 
 
-def seen_by_both(data: Dataset, mirror: str, count: int, fewest: int | None = None) -> Dataset:
-    """Return the first rows of a view that both cameras saw.
-
-    Args:
-        data: Of all views.
-        mirror: Name of the mirror; empty for the hand seen directly.
-        count: How many to take.
-        fewest: How many are enough; as many as are taken if omitted.
+def _seen_by_both(data: Dataset, mirror: str, count: int, fewest: int | None = None) -> Dataset:
+    """Return the first rows of a view (a mirror, or "" for the hand itself) that both cameras saw.
 
     Raises:
-        DataError: If there are fewer.
+        DataError: If there are fewer than are enough: as many as are taken if omitted.
     """
     rows = np.flatnonzero((data.mirror == mirror) & np.isfinite(data.pixels).all(axis=1))
     fewest = count if fewest is None else fewest

@@ -107,10 +107,10 @@ def run_tool(
     restarts: list[dict[str, dict[str, Any]]] = []
     for i in range(individuals):
         if rendered is None:
-            tools.append(with_tool(simulated_tool_scenario(world, seed + i)))
+            tools.append(_with_tool(simulated_tool_scenario(world, seed + i)))
             restarts.append(_after_restart(world, seed + i))
         else:
-            tools.append(with_tool(rendered(seed + i, progress)))
+            tools.append(_with_tool(rendered(seed + i, progress)))
         if progress:
             progress("bodies learning", i + 1, individuals)
     play = float(np.degrees(world.play))
@@ -140,7 +140,7 @@ def simulated_tool_scenario(world: Imperfections, seed: int) -> ToolScenario:
     return ToolScenario(model, hand, taken, shown)
 
 
-def with_tool(scenario: ToolScenario) -> dict[str, dict[str, Any]]:
+def _with_tool(scenario: ToolScenario) -> dict[str, dict[str, Any]]:
     """Learn the tip from more and more poses, and measure each result."""
     model = scenario.model
     bare = replace(scenario.shown, marker=np.full(len(scenario.shown), model.markers[0]))

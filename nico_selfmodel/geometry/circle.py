@@ -58,8 +58,8 @@ class Circle:
         """
         points = np.asarray(points, dtype=float)
         plane = Plane.from_points(points)
-        start = pratt_circle(points, plane.normal)
-        return refine_circle(points, *start, sigma=sigma)
+        start = _pratt_circle(points, plane.normal)
+        return _refine_circle(points, *start, sigma=sigma)
 
     def residuals_to(self, points: ArrayLike) -> NDArray:
         """Return (in-plane distance - radius, height over the plane) [m]. (n, 3) -> (n, 2)."""
@@ -78,18 +78,12 @@ class Circle:
         return signed_angle(offset[0], offset, self.normal)
 
 
-def pratt_circle(points: NDArray, normal: NDArray) -> tuple[NDArray, NDArray, float]:
+def _pratt_circle(points: NDArray, normal: NDArray) -> tuple[NDArray, NDArray, float]:
     """Fit a circle algebraically in the plane through the centroid (Pratt 1987, SVD form).
 
     Unlike Kasa's fit it does not shrink short arcs. Three points, or points without noise, make
-    the generalised eigenproblem singular: the null vector is the answer then.
-
-    Args:
-        points: Shape (n, 3), n >= 3.
-        normal: Unit normal of the plane. Shape (3,).
-
-    Returns:
-        Centre, shape (3,), the normal, and the radius.
+    the generalised eigenproblem singular: the null vector is the answer then. Returns centre, shape
+    (3,), the normal, and the radius.
 
     Raises:
         ValueError: If the points lie on a straight line.
@@ -116,7 +110,7 @@ def pratt_circle(points: NDArray, normal: NDArray) -> tuple[NDArray, NDArray, fl
     return center, normal, float(0.5 * scale * np.sqrt(discriminant) / abs(a))
 
 
-def refine_circle(
+def _refine_circle(
     points: NDArray,
     center: NDArray,
     normal: NDArray,
@@ -124,18 +118,7 @@ def refine_circle(
     *,
     sigma: float | None = None,
 ) -> Circle:
-    """Minimise squared distances to the circle, (rho - R)^2 + h^2, from a start.
-
-    Args:
-        points: Shape (n, 3).
-        center: Start. Shape (3,).
-        normal: Start, unit length. Shape (3,).
-        radius: Start [m].
-        sigma: Known standard deviation of a coordinate [m].
-
-    Returns:
-        The refined circle.
-    """
+    """Minimise squared distances to the circle, (rho - R)^2 + h^2, from a start [m]."""
     frame = frame_along(normal)
     offset = (points - center) @ frame
 

@@ -69,10 +69,10 @@ def robust_scale(norms: NDArray, coordinates: int) -> float:
         median / median of a chi variable; never zero.
     """
     floor = np.finfo(float).tiny ** 0.25
-    return max(float(np.median(norms)) / median_of_chi(coordinates), floor)
+    return max(float(np.median(norms)) / _median_of_chi(coordinates), floor)
 
 
-def median_of_chi(coordinates: int) -> float:
+def _median_of_chi(coordinates: int) -> float:
     """Return the median norm of a standard normal vector (beyond four: Wilson, Hilferty 1931)."""
     wilson_hilferty = np.sqrt(coordinates) * (1.0 - 2.0 / (9.0 * coordinates)) ** 1.5
     return _MEDIAN_OF_CHI.get(coordinates, float(wilson_hilferty))

@@ -149,7 +149,7 @@ class _Attempt:
         scale /= np.sqrt(1.0 - min(float(taken), 0.9))
         residuals = self.program.residuals(self.block, solution.x).T
         norms = np.linalg.norm(residuals, axis=1)
-        norms[outliers] = whitened_norms(residuals[outliers], spreads[outliers])
+        norms[outliers] = _whitened_norms(residuals[outliers], spreads[outliers])
         return solution, scale, norms > self.limit(scale)
 
     def least_squares(self, outliers: NDArray) -> ProgramSolution:
@@ -173,18 +173,11 @@ class _Attempt:
         return self.outlier_at * np.sqrt(self.coordinates / 3.0) * max(scale, 1e-6)
 
 
-def whitened_norms(residuals: NDArray, spreads: NDArray) -> NDArray:
-    """Return sqrt(r' (I + S)^-1 r) of observations that had no part in the solution.
+def _whitened_norms(residuals: NDArray, spreads: NDArray) -> NDArray:
+    """Return sqrt(r' (I + S)^-1 r) of observations that had no part in the solution. Shape (N,).
 
-    Where a left out pose is the only one of its kind, the others say little of it (externally
-    studentised residuals; Cook, Weisberg 1982).
-
-    Args:
-        residuals: r, in whitened units. Shape (N, k).
-        spreads: S = J H^-1 J'. Shape (N, k, k).
-
-    Returns:
-        Norms. Shape (N,).
+    With S = J H^-1 J', shape (N, k, k): where a left out pose is the only one of its kind, the
+    others say little of it (externally studentised residuals; Cook, Weisberg 1982).
     """
     values, vectors = np.linalg.eigh(0.5 * (spreads + np.swapaxes(spreads, 1, 2)))
     along = np.einsum("nij,ni->nj", vectors, residuals)

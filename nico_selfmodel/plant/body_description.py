@@ -74,7 +74,7 @@ class BodyDescription:
                 f"the joints that are commanded must be some of {listed(joints)}, got "
                 f"{listed(unknown) or 'none'}"
             )
-        links = link_joints(described, joints)
+        links = _link_joints(described, joints)
         blank = _blank(described, links, markers, cameras)
         limited = [_revolute(described, name) for name in joints]
         still = {name: (held or {}).get(name, 0.0) for name in joints if name not in wanted}
@@ -147,12 +147,8 @@ def built_frame_name(marker: str) -> str:
     return f"{marker}_built"
 
 
-def link_joints(described: KinematicTree, joints: Sequence[str]) -> tuple[LinkJoint, ...]:
-    """Return joints of a robot with the joint among them that carries each.
-
-    Args:
-        described: The robot.
-        joints: Names of revolute joints, a parent before its children.
+def _link_joints(described: KinematicTree, joints: Sequence[str]) -> tuple[LinkJoint, ...]:
+    """Return revolute joints, parents before children, with the one among them that carries each.
 
     Raises:
         ModelError: If a joint is not there, or is not revolute.

@@ -61,7 +61,7 @@ def parse(plant: MultibodyPlant, urdf: Path, text: str | None = None) -> ModelIn
     return instances[0]
 
 
-def robot_joints(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[Joint]:
+def _robot_joints(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[Joint]:
     """Return the joints that a robot's file names, before or after `Finalize()`."""
     joints = [plant.get_joint(index) for index in plant.GetJointIndices(instance)]
     return [joint for joint in joints if not joint.is_ephemeral()]
@@ -97,7 +97,7 @@ class KinematicTree:
         mimics = frozenset(e.getAttribute("name") for e in elements if child(e, "mimic"))
         plant = MultibodyPlant(0.0)
         instance = parse(plant, urdf)
-        joint_above = {joint.child_body().name(): joint for joint in robot_joints(plant, instance)}
+        joint_above = {joint.child_body().name(): joint for joint in _robot_joints(plant, instance)}
         tree = cls(urdf, plant, instance, joint_above, mimics)
         if not tree.links:
             raise ModelError(f"{urdf} describes a robot without links")

@@ -72,7 +72,7 @@ def learned_frames(arm: "ArmDescription", chain: Chain) -> LearnedFrames:
         ModelError: If the joints differ.
     """
     arm.check_joints(chain.joints)
-    nominal, learned = comparable_tables(arm.chain, chain)
+    nominal, learned = _comparable_tables(arm.chain, chain)
     n, links = len(chain.joints), arm.links
     X_BD = nominal.frames(np.zeros(n))
     # A point on the last axis leaves x_n to chance: turn the last frame back to the nominal one.
@@ -93,15 +93,10 @@ def learned_frames(arm: "ArmDescription", chain: Chain) -> LearnedFrames:
     )
 
 
-def comparable_tables(nominal: Chain, learned: Chain) -> tuple[DhTable, DhTable]:
+def _comparable_tables(nominal: Chain, learned: Chain) -> tuple[DhTable, DhTable]:
     """Write two versions of one arm as tables with the same last point, kinds of rows and signs.
 
-    Args:
-        nominal: The arm as described.
-        learned: The arm as learned.
-
-    Returns:
-        Their tables; the point both have (else the first of each) is the origin of the last frame.
+    The point that both have (else the first of each) is the origin of the last frame.
     """
     first_nominal, first_learned = _shared_point(nominal, learned)
     table = DhTable.from_chain(_with_first(nominal, first_nominal))

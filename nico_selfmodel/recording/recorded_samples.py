@@ -4,6 +4,8 @@ import re
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
@@ -18,9 +20,42 @@ from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.whole import recover
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.names import shown
-from nico_selfmodel.recording.recorded_pose import RecordedPose
 from nico_selfmodel.systems.measurements import CameraMeasurement, Measurement
 from nico_selfmodel.vision.images.image_file import write_image
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedPose:
+    """One pose of the plan, as sensed."""
+
+    index: int
+    label: str
+    encoders: NDArray
+    approach: NDArray
+    """How each reading changed when the joint last moved, -1 or 1; 0 where it is not known."""
+    points: NDArray
+    """Shape (m, 3), nan where lost."""
+    pixels: NDArray
+    """Shape (m, 4), nan where not seen."""
+    mirror: str = ""
+    """Name of the mirror before the body, empty where there was none."""
+    reflected: NDArray | None = None
+    """Pixels in that mirror. Shape (m, 4), nan where not seen."""
+    visits: int = 1
+    """How often the pose was visited until something was seen."""
+
+    @property
+    def views(self) -> dict[str, NDArray]:
+        """Mirror, empty for the direct view, -> pixels."""
+        shown = {"": self.pixels}
+        return shown if self.reflected is None else {**shown, self.mirror: self.reflected}
+
+    @cached_property
+    def complete(self) -> bool:
+        """Whether every marker was located, by both cameras where there are cameras."""
+        by_pixels = np.isfinite(self.pixels).all(axis=1)
+        return bool((np.isfinite(self.points).all(axis=1) | by_pixels).all())
+
 
 POSE, VISITS = "pose", "visits"
 """Extra columns of a recording in a folder: which pose of the plan a sample is, from 1, and how

@@ -54,10 +54,10 @@ def look_about(
 
     data = robot.record("looks", 0, looks, 0, progress=progress, watch=watch)
     cards = robot.whole.cards
-    first = lenses_of(lenses_from_cards(data, cards))
+    first = lenses_of(_lenses_from_cards(data, cards))
     behind = robot.whole.detectors(StereoRig(*first.values()))
     data = located_anew(data, seen[0].pairs, behind)
-    return data, lenses_from_cards(data, cards)
+    return data, _lenses_from_cards(data, cards)
 
 
 def lenses_of(found: Mapping[str, CameraCalibration]) -> dict[str, Camera]:
@@ -65,19 +65,12 @@ def lenses_of(found: Mapping[str, CameraCalibration]) -> dict[str, Camera]:
     return {name: calibration.cameras[0] for name, calibration in found.items()}
 
 
-def lenses_from_cards(
+def _lenses_from_cards(
     data: BodyDataset, cards: Sequence[TagCard]
 ) -> Mapping[str, CameraCalibration]:
     """Calibrate each camera alone: every card in every picture is a view of one board.
 
-    Where the cards hang does not matter.
-
-    Args:
-        data: What was seen of their markers, by the names of `markers_of`.
-        cards: Cards of one layout.
-
-    Returns:
-        The calibration of each camera, by its name.
+    Where the cards, all of one layout, hang does not matter.
 
     Raises:
         DataError: If a camera has no image size.

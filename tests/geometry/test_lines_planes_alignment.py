@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nico_selfmodel.geometry.alignment import Alignment
-from nico_selfmodel.geometry.line import common_normal_feet
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.rotation import nearest_rotation, tangent_basis
+from nico_selfmodel.model.arm.dh_conversion import common_normal_feet
 
 SEED = st.integers(0, 2**32 - 1)
 POINTS = np.random.default_rng(0).normal(size=(5, 3))

@@ -14,8 +14,7 @@ from nico_selfmodel.geometry.solids.solid import Solid, distance_to_solids
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.shape.link_shape import BodyShape
 from nico_selfmodel.plant import learned_urdf
-from nico_selfmodel.plant.export.painted_obj import painted_obj
-from nico_selfmodel.plant.export.shape_urdf import ShapeInUrdf, share_within
+from nico_selfmodel.plant.export.shape_urdf import ShapeInUrdf, painted_obj, share_within
 
 from ..learned_ball import ball_body, ball_shape
 

@@ -13,8 +13,12 @@ from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.result_folder.urdf import urdf_file, urdf_name
-from nico_selfmodel.result_folder.writing import replace_document, write_result
+from nico_selfmodel.result_folder.writing import (
+    replace_document,
+    urdf_file,
+    urdf_name,
+    write_result,
+)
 
 DOCUMENT = {"status": "PASS", "value": 0.1}
 WRITTEN = {"self_model.yaml", "result.json", "lamp_learned.urdf"}

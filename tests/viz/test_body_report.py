@@ -14,8 +14,7 @@ from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.model.self_model_file import load_model
-from nico_selfmodel.result_folder.urdf import urdf_file
-from nico_selfmodel.result_folder.writing import write_result
+from nico_selfmodel.result_folder.writing import urdf_file, write_result
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.viz.figures.workspace_map import workspace_map
 from nico_selfmodel.viz.reports.body import body_report

@@ -74,12 +74,11 @@ def test_the_image_shows_each_thing_where_its_ray_goes_through(cameras):
 
 
 def test_the_epipolar_lines_run_through_both_images_of_the_corner(cameras):
-    scene = camera_scene(cameras, point=("04", 7))
-    row = cameras.calibration.views.names.index("04")
+    scene = camera_scene(cameras)
     plane = at(scene, "point/epipolar_plane")
     assert isinstance(plane, Surface)
-    on_board = apply(X_WL @ cameras.calibration.X_LG[row], P_GQ[7])
-    np.testing.assert_allclose(plane.vertices[2], on_board, atol=2e-3)
+    corners = [apply(X_WL @ X_LG, P_GQ[0]) for X_LG in cameras.calibration.X_LG]
+    assert np.linalg.norm(corners - plane.vertices[2], axis=1).min() < 2e-3
     for side, camera in zip(("left", "right"), cameras.calibration.cameras, strict=True):
         line = at(scene, f"point/{side}_epipolar_line").points
         center, outline = X_WL @ camera.X_WC[:, 3], at(scene, f"cameras/{side}/outline").points
@@ -118,19 +117,6 @@ def test_the_pictures_in_a_file_are_small_and_come_back(scene):
         if isinstance(item, Picture):
             assert len(item.image) < 100_000
             assert copy.image == item.image
-
-
-@pytest.mark.parametrize(
-    ("point", "message"),
-    [
-        (("42", 0), "no view '42'; there are"),
-        (("03", 99), "corner 99 of view 03"),
-        (("02", 1), "corner 1 of view 02 was not seen"),
-    ],
-)
-def test_a_point_that_was_not_seen_is_refused(flawed_cameras, point, message):
-    with pytest.raises(ValueError, match=message):
-        camera_scene(flawed_cameras, point=point)
 
 
 def test_a_photograph_of_another_size_is_refused(cameras):

@@ -11,8 +11,7 @@ from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.systems.looking import looking_arm
-from nico_selfmodel.viz.live.hand_view import PREDICTED, TRACKED
-from nico_selfmodel.viz.live.image_marks import marked
+from nico_selfmodel.viz.live.hand_view import PREDICTED, TRACKED, marked
 from nico_selfmodel.viz.live.screens import screens_beside
 from nico_selfmodel.viz.live.station_mirror import StandingGlass
 from nico_selfmodel.viz.live.station_view import StationView

@@ -24,7 +24,7 @@ def learn_shape(output: Output, world: "Imperfections", seed: int) -> NoReturn:
     with printer.progress_bar() as progress:
         scenario = learn_own_shape(world, seed, progress)
         progress("writing the result", 0, 1)
-        document = write_shape_scenario(output.out, scenario, output.force)
+        document = _write_shape_scenario(output.out, scenario, output.force)
         progress("writing the result", 1, 1)
     parts = [
         ("held out", document["test"]),
@@ -35,17 +35,8 @@ def learn_shape(output: Output, world: "Imperfections", seed: int) -> NoReturn:
     printer.result(scenario.model.name, document, output, parts=parts, more=more)
 
 
-def write_shape_scenario(out: Path, scenario: "ShapeScenario", force: bool) -> dict[str, Any]:
-    """Write arm, cameras, mirrors and shape to a result folder.
-
-    Args:
-        out: The folder to make.
-        scenario: What was learned.
-        force: Replace an existing folder.
-
-    Returns:
-        What is in its `result.json`.
-    """
+def _write_shape_scenario(out: Path, scenario: "ShapeScenario", force: bool) -> dict[str, Any]:
+    """Write arm, cameras, mirrors and shape to a result folder; return its `result.json`."""
     from nico_selfmodel.estimation.judging import result_of
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.viz.reports.arm import arm_report
@@ -53,7 +44,7 @@ def write_shape_scenario(out: Path, scenario: "ShapeScenario", force: bool) -> d
     arm, robot = scenario.arm, ArmDescription.of_model(scenario.model)
     calibration = replace(arm.calibration, model=scenario.model)
     result = arm.stereo.with_pixels(result_of(calibration), scenario.model)
-    document = judged_document(result) | {"shape": shape_document(scenario)}
+    document = judged_document(result) | {"shape": _shape_document(scenario)}
     write_with_report(
         out,
         scenario.model,
@@ -66,7 +57,7 @@ def write_shape_scenario(out: Path, scenario: "ShapeScenario", force: bool) -> d
     return write_mirror_scenario(out, document, scenario.mirrors)
 
 
-def shape_document(scenario: "ShapeScenario") -> dict[str, Any]:
+def _shape_document(scenario: "ShapeScenario") -> dict[str, Any]:
     """Return what `result.json` tells of the learned shape."""
     return {
         "mirrors": len(scenario.shape.all.mirrors),

@@ -167,12 +167,12 @@ class SensorInfo:
         kind = {} if self.lens_kind == POLYNOMIAL else {"kind": self.lens_kind}
         entry["lens"] = None if self.lens is None else kind | dict(self.lens)
         if self.X_LS is not None:
-            entry["pose"] = pose_mapping(self.X_LS)
+            entry["pose"] = _pose_mapping(self.X_LS)
         entry["noise"] = self.noise or None
         return {key: value for key, value in entry.items() if value is not None}
 
 
-def pose_mapping(X: NDArray) -> dict[str, list[float]]:
+def _pose_mapping(X: NDArray) -> dict[str, list[float]]:
     """Return a pose as files hold it: `xyz` [m] and `rotation_vector` [rad]."""
     turn = rotation_vector_of(X[:3, :3])
     return {"xyz": np.asarray(X)[:3, 3].tolist(), "rotation_vector": turn.tolist()}

@@ -59,13 +59,8 @@ def arm_at(parameters: DhParameters, observations: Observations) -> At:
     return at
 
 
-def effect_sizes(bending: Bending | None, at: At) -> tuple[EffectSize, ...]:
-    """Return what each learned effect does at the poses of a recording, one taken away at a time.
-
-    Args:
-        bending: What bends.
-        at: Where the body is.
-    """
+def _effect_sizes(bending: Bending | None, at: At) -> tuple[EffectSize, ...]:
+    """Return what each learned effect does at a recording's poses, one taken away at a time."""
     if bending is None:
         return ()
     whole, turned = at(bending)
@@ -80,11 +75,11 @@ def effect_sizes(bending: Bending | None, at: At) -> tuple[EffectSize, ...]:
     return tuple(found)
 
 
-def bends_words(ladder: Ladder, bending: Bending | None, at: At) -> str:
+def _bends_words(ladder: Ladder, bending: Bending | None, at: At) -> str:
     """Say which effects move tracked points by how much, and which joint most."""
     found = {
         size.effect: f" by up to {1e3 * size.hand.max():.2g} mm at the hand{_most(bending, size)}"
-        for size in effect_sizes(bending, at)
+        for size in _effect_sizes(bending, at)
     }
     found[GEAR] = _farthest_gear(ladder)
     return ", ".join(f"{WORDS[e]}{found.get(e, '')}" for e in ladder.kept)
@@ -113,9 +108,9 @@ def kept_words(ladder: Ladder, bending: Bending | None, at: At) -> list[str]:
     if not ladder.adopted:
         return []
     if not ladder.kept:
-        return [_hidden_words(size) for size in effect_sizes(bending, at)]
+        return [_hidden_words(size) for size in _effect_sizes(bending, at)]
     before, after = ladder.unseen
-    most = bends_words(ladder, bending, at)
+    most = _bends_words(ladder, bending, at)
     return [f"{most}: unseen poses {before:.2g} -> {after:.2g} {ladder.unit}"]
 
 
@@ -130,7 +125,7 @@ def bending_warnings(ladder: Ladder, at: At) -> list[str]:
     """Say what a body would gain by effects that it was not allowed, or by one that lifts it."""
     if ladder.kept and ladder.bent is not None and not ladder.adopted:
         before, after = ladder.unseen
-        bends = bends_words(ladder, ladder.bent.bending, at)
+        bends = _bends_words(ladder, ladder.bent.bending, at)
         return [
             f"would meet unseen poses to {after:.2g} {ladder.unit} in place of {before:.2g} "
             f"{ladder.unit}: {bends} (--effects auto)"
@@ -154,7 +149,7 @@ def bending_json(
     """
     if not ladder.steps:
         return None
-    sizes = effect_sizes(bending, at)
+    sizes = _effect_sizes(bending, at)
     return {
         "effects": list(ladder.kept) if ladder.adopted else [],
         "up": None if bending is None else bending.up.tolist(),

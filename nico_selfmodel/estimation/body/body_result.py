@@ -42,7 +42,7 @@ def body_result(calibration: BodyCalibration) -> CalibrationResult:
     samples = calibration.train.observations.arm.sample[outliers]
     return CalibrationResult(
         method="body",
-        parameters=body_parameters(calibration),
+        parameters=_body_parameters(calibration),
         train=pixel_errors(calibration.train.select(~outliers)),
         test=None if calibration.test is None else pixel_errors(calibration.test),
         cross_validation=None if crossed is None else pixel_errors(crossed),
@@ -91,7 +91,7 @@ def _details(calibration: BodyCalibration) -> dict[str, Any]:
         "noise_sigma_mm": finite(calibration.model.noise_sigma, 1e3),
         "boards": _boards(calibration),
         "board_outliers": int(calibration.board_outliers.sum()),
-        "workspace": accuracy_block(calibration.workspace),
+        "workspace": _accuracy_block(calibration.workspace),
         "bending": bending_json(
             calibration.ladder,
             calibration.model.bending,
@@ -123,7 +123,7 @@ def refinement_block(
     }
 
 
-def body_parameters(calibration: BodyCalibration) -> dict[str, Parameter]:
+def _body_parameters(calibration: BodyCalibration) -> dict[str, Parameter]:
     """Return every parameter of arm and cameras; the derived baseline and lengths last."""
     uncertainty, model = calibration.uncertainty, calibration.model
     arm, rig = model.parameters, model.rig
@@ -157,7 +157,7 @@ def noise_words(document: Mapping[str, Any]) -> tuple[str, str]:
 def _before(calibration: BodyCalibration) -> dict[str, Any]:
     """Return how the start fared on the same data, and how far its parameters moved."""
     start, model = calibration.start, calibration.model
-    shown = [*body_parameters(calibration)]
+    shown = [*_body_parameters(calibration)]
     return {
         "model": start.name,
         "on": "train" if calibration.test is None else "test",
@@ -177,12 +177,8 @@ def _boards(calibration: BodyCalibration) -> dict[str, Any] | None:
     }
 
 
-def accuracy_block(found: WorkspaceAccuracy) -> dict[str, Any]:
-    """Return the mean, and the largest value, of each part of a hand's uncertainty.
-
-    Args:
-        found: Figures at poses.
-    """
+def _accuracy_block(found: WorkspaceAccuracy) -> dict[str, Any]:
+    """Return the mean, and the largest value, of each part of a hand's uncertainty."""
     parts = {"learned_mm": found.learned, "mechanics_mm": found.mechanics, "total_mm": found.total}
     block: dict[str, Any] = {
         name: {"mean": 1e3 * float(part.mean()), "max": 1e3 * float(part.max())}

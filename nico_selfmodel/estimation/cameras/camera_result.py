@@ -48,7 +48,7 @@ def camera_result(assessment: CameraAssessment) -> CalibrationResult:
         held_out = _errors(assessment.test_distances, len(test), rms)
     return CalibrationResult(
         method={1: "camera", 2: "stereo"}.get(len(calibration.cameras), "cameras"),
-        parameters=camera_parameters(assessment),
+        parameters=_camera_parameters(assessment),
         train=_errors(assessment.train_distances),
         test=held_out,
         cross_validation=_errors(assessment.cross_validation, None, left_out),
@@ -80,7 +80,7 @@ def _describe(direction: UnobservableDirection) -> str:
     )
 
 
-def camera_parameters(assessment: CameraAssessment) -> dict[str, Parameter]:
+def _camera_parameters(assessment: CameraAssessment) -> dict[str, Parameter]:
     """Return every parameter of the cameras; the derived baseline last."""
     calibration = assessment.calibration
     sigma = dict(zip(calibration.names, calibration.uncertainty.sigma.tolist(), strict=True))
@@ -105,7 +105,7 @@ def _details(assessment: CameraAssessment) -> dict[str, Any]:
         },
     }
     if assessment.known is not None:
-        learned, table = calibration.self_model("learned"), camera_parameters(assessment)
+        learned, table = calibration.self_model("learned"), _camera_parameters(assessment)
         told = [name for name, one in table.items() if one.sigma is not None]
         details["before"] = assessment.known.changes(learned, told)
     pair = assessment.pair

@@ -49,7 +49,7 @@ def told_places(views: BoardViews, placed: Sequence[Placed]) -> tuple[BoardViews
     X_WC = {views.cameras[0]: np.eye(4)}
     for known, new in rig_links(views):
         poses = (by_name[known][1], by_name[new][1])
-        X_WC[new] = X_WC[known] @ voted(views.pair(known, new), poses)
+        X_WC[new] = X_WC[known] @ _voted(views.pair(known, new), poses)
     whole = joined(views, [by_name[name][0].at(X_WC[name]) for name in views.cameras])
     return whole, [(camera, _before(whole, name, camera)) for name, (camera, _) in by_name.items()]
 
@@ -162,15 +162,10 @@ def _nearest(pixels: NDArray) -> float:
     return float(np.median(np.partition(apart, 1, axis=1)[:, 1]))
 
 
-def voted(views: BoardViews, poses: tuple[NDArray, NDArray]) -> NDArray:
+def _voted(views: BoardViews, poses: tuple[NDArray, NDArray]) -> NDArray:
     """Return how a second camera stands to a first one, by boards of which both saw parts.
 
-    Args:
-        views: Corners in both.
-        poses: X_CG and X_DG of all views, nan where a camera saw nothing. Shapes (V, 4, 4).
-
-    Returns:
-        X_CD. Shape (4, 4).
+    By X_CG and X_DG of all views, nan where a camera saw nothing, shapes (V, 4, 4): X_CD. (4, 4).
 
     Raises:
         EstimationError: If the parts may lie in several ways.

@@ -21,20 +21,13 @@ _LEFT_OVER = 0.3
 """Part of the distances between axes that may remain after scaling."""
 
 
-def signed_scale(nominal: Chain, learned: Chain) -> tuple[float, float] | None:
-    """Return the scale that takes a described arm's axes to the learned ones.
+def _signed_scale(nominal: Chain, learned: Chain) -> tuple[float, float] | None:
+    """Return the scale that takes a described arm's axes to the learned ones, both at one zero.
 
     A mirror turns the sense of every rotation: with points p -> S p, directions go to -S d, so a
-    mirrored arm is a rotated one whose distances are scaled by a negative number.
-
-    Args:
-        nominal: The described arm, at its zero.
-        learned: The learned arm, at the same zero.
-
-    Returns:
-        The scale, negative for a mirror image, and the part of the distances between axes that it
-        leaves; None where the axes do not tell: they meet in one
-        point, are all parallel, or are not those of the described robot.
+    mirrored arm is a rotated one whose distances are scaled by a negative number. Beside it stands
+    the part of the distances between axes that it leaves; None where the axes do not tell: they
+    meet in one point, are all parallel, or are not those of the described robot.
     """
     d = learned.directions
     rotation = nearest_rotation(d.T @ nominal.directions)
@@ -85,7 +78,7 @@ def robot_reason(nominal: Chain, learned: DhTable, zero_known: NDArray) -> str |
         )
         # An unknown zero is where theta is that of the description, or of its mirror image.
         theta = np.where(zero_known, learned.theta_zero, DhTable.from_chain(like).theta_zero)
-        scale_and_rest = signed_scale(nominal, replace(learned, theta_zero=theta).to_chain())
+        scale_and_rest = _signed_scale(nominal, replace(learned, theta_zero=theta).to_chain())
         if scale_and_rest is not None:
             found.append(scale_and_rest)
     if not found:

@@ -62,7 +62,7 @@ def nominal_start(
     Returns:
         An arm near the measurements, or None where the encoders' zero cannot be told.
     """
-    known = placed_nominal(nominal, dataset, observations, gear_known)
+    known = _placed_nominal(nominal, dataset, observations, gear_known)
     if known is None:
         return None
     chain, gear, zero = known.chain, known.gear, known.zero
@@ -70,21 +70,13 @@ def nominal_start(
     return project_variables(observations, *start, gear_known, zero, rounds=2)[0]
 
 
-def placed_nominal(
+def _placed_nominal(
     nominal: NominalArm, dataset: Dataset, observations: Observations, gear_known: NDArray
 ) -> ArmEstimate | None:
     """Place a nominal arm rigidly in the measuring frame, its own geometry kept.
 
-    Its zero configuration stays that of the description.
-
-    Args:
-        nominal: The arm.
-        dataset: The data, for limits.
-        observations: What was measured.
-        gear_known: Joints whose gear is 1. Shape (n,).
-
-    Returns:
-        The arm, or None where the encoders' zero cannot be told.
+    Its zero configuration stays that of the description; None where the encoders' zero cannot be
+    told. Of joints whose gear is known it is 1.
     """
     servo = _servo_from_limits(nominal, dataset, observations, gear_known)
     if servo is None:

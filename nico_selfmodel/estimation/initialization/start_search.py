@@ -149,23 +149,17 @@ def _enough(
         return True
     if agreeing < ENOUGH_AGREE or noise > _MOST_LEFT * few.size:
         return False
-    tracker = tracker_noise(few)
+    tracker = _tracker_noise(few)
     if trusted or (tracker is not None and noise < _NOISE * tracker):
         return True
     return tried >= _TRIED and noise < _EXPLAINS * few.size
 
 
-def tracker_noise(observations: Observations) -> float | None:
-    """Return the standard deviation of a coordinate, from distances of markers of one sample.
+def _tracker_noise(observations: Observations) -> float | None:
+    """Return the standard deviation of a coordinate, from distances of markers of one sample [m].
 
     The hand is rigid: whatever its joints do, the distance of two markers is always the same, and
-    scatters by sqrt(2) of a coordinate's noise.
-
-    Args:
-        observations: What was measured.
-
-    Returns:
-        The noise by the median absolute deviation [m]; None with one marker.
+    scatters by sqrt(2) of a coordinate's noise, here by its median; None with one marker.
     """
     found = [np.median(np.abs(d - np.median(d))) for d in distances_between(observations).values()]
     return float(1.4826 * np.median(found) / np.sqrt(2.0)) if found else None

@@ -33,7 +33,7 @@ def require_reflections(reflections: Reflections, noise: ReflectionNoise) -> Non
     Raises:
         DataError: Naming the mirror.
     """
-    virtual, direct = virtual_points(reflections), direct_chi_square(reflections, noise)
+    virtual, direct = virtual_points(reflections), _direct_chi_square(reflections, noise)
     for m, name in enumerate(reflections.mirrors):
         rows = reflections.mirror == m
         gap = np.linalg.norm(virtual - reflections.p_LQ, axis=1)[rows]
@@ -64,7 +64,7 @@ def unnamed_reflections(dataset: Dataset, model: SelfModel, noise: ReflectionNoi
     if not rows.size:
         return "; it has no pixels at all"
     views = Reflections.of_rows(dataset, model, rows, ["?"] * len(rows))
-    if np.median(direct_chi_square(views, noise)) < _LOOKS_DIRECT:
+    if np.median(_direct_chi_square(views, noise)) < _LOOKS_DIRECT:
         return "; its pixels show the hand directly"
     try:
         (mirror,) = solve_mirrors(views, start_mirrors(views), noise).mirrors
@@ -97,12 +97,12 @@ def misplaced_rows(
     if not rows.size or set(dataset.marker[rows].tolist()) - set(model.markers):
         return rows[:0]
     views = Reflections.of_rows(dataset, model, rows, ["?"] * len(rows))
-    direct = direct_chi_square(views, noise)
+    direct = _direct_chi_square(views, noise)
     reflected = np.min([chi_square(views, mirror, noise) for mirror in mirrors.values()], axis=0)
     return rows[(reflected < _LOOKS_DIRECT) & (direct > reflected)]
 
 
-def direct_chi_square(reflections: Reflections, noise: ReflectionNoise) -> NDArray:
+def _direct_chi_square(reflections: Reflections, noise: ReflectionNoise) -> NDArray:
     """Return how badly each row fits its point seen directly; inf where it cannot be. (N,)."""
     shown = [camera.project(reflections.p_WQ) for camera in reflections.cameras]
     visible = np.isfinite(np.concatenate(shown, axis=1)) | ~reflections.seen

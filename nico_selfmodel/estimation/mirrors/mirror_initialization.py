@@ -34,7 +34,7 @@ def start_plane(reflections: Reflections) -> Plane:
     virtual = virtual_points(reflections)
     rebuilt = np.isfinite(virtual).all(axis=1)
     if not rebuilt.any():
-        return law_of_reflection(reflections)
+        return _law_of_reflection(reflections)
     return symmetry_plane(reflections.p_LQ[rebuilt], virtual[rebuilt])
 
 
@@ -53,17 +53,12 @@ def mean_plane(p_LQ: NDArray, virtual: NDArray) -> Plane:
     return Plane(normal, float(-0.5 * np.mean(p_LQ + virtual, axis=0) @ normal))
 
 
-def law_of_reflection(reflections: Reflections) -> Plane:
+def _law_of_reflection(reflections: Reflections) -> Plane:
     """Place a mirror from what one camera sees: camera, point, image and normal lie in one plane.
 
     With c the camera, v the line of sight and x the point, x - 2 (n.x + d) n - c is along v: n is
-    normal to every (x - c) x v, and (x - c) x v = 2 (n.x + d) n x v is linear in d.
-
-    Args:
-        reflections: Of one mirror, in any number of cameras.
-
-    Returns:
-        The plane in the frame of the first camera, its normal towards the points.
+    normal to every (x - c) x v, and (x - c) x v = 2 (n.x + d) n x v is linear in d. The plane is in
+    the frame of the first camera, its normal towards the points.
 
     Raises:
         NotIdentifiableError: If all of these planes contain one direction beside the normal.

@@ -35,7 +35,7 @@ def mirror_result(calibration: MirrorCalibration) -> CalibrationResult:
     solution, crossed = calibration.solution, calibration.cross_validation
     return CalibrationResult(
         method="mirror",
-        parameters=mirror_parameters(calibration),
+        parameters=_mirror_parameters(calibration),
         train=_errors(calibration.train.select(~solution.outliers)),
         test=None if calibration.test is None else _errors(calibration.test),
         cross_validation=None if crossed is None else _errors(crossed),
@@ -87,26 +87,21 @@ def _details(calibration: MirrorCalibration) -> dict[str, Any]:
     }
 
 
-def mirror_parameters(calibration: MirrorCalibration) -> dict[str, Parameter]:
+def _mirror_parameters(calibration: MirrorCalibration) -> dict[str, Parameter]:
     """Return every mirror's parameters with sigma and unit; the derived normal after them."""
     uncertainty = calibration.solution.uncertainty
     sigma = dict(zip(uncertainty.names, uncertainty.sigma.tolist(), strict=True))
     table: dict[str, Parameter] = {}
     for name, mirror in calibration.mirrors.items():
         table |= parameter_table(Mirror.names_of(name), mirror.values, MIRROR_UNITS, sigma)
-        spread = normal_spread(calibration, name)
+        spread = _normal_spread(calibration, name)
         for axis, value, known in zip("xyz", mirror.normal.tolist(), spread, strict=True):
             table[f"mirror.{name}.normal_{axis}"] = Parameter(value, finite(known), "1")
     return table
 
 
-def normal_spread(calibration: MirrorCalibration, name: str) -> list[float]:
-    """Return the standard deviations of a normal's x, y, z; inf where the data tell nothing of it.
-
-    Args:
-        calibration: What was learned.
-        name: Which mirror.
-    """
+def _normal_spread(calibration: MirrorCalibration, name: str) -> list[float]:
+    """Return the standard deviations of a normal's x, y, z; inf where nothing tells of it."""
     uncertainty = calibration.solution.uncertainty
     own = [uncertainty.names.index(part) for part in Mirror.names_of(name)]
     slopes = np.zeros((3, len(uncertainty.names)))
@@ -119,7 +114,7 @@ def _mirror(calibration: MirrorCalibration, name: str) -> dict[str, Any]:
     solution, mirror = calibration.solution, calibration.mirrors[name]
     rows = solution.reflections.mirror == solution.reflections.mirrors.index(name)
     inliers, test = rows & ~solution.outliers, calibration.flatness[name]
-    distances, spread = solution.distances[inliers], normal_spread(calibration, name)
+    distances, spread = solution.distances[inliers], _normal_spread(calibration, name)
     found: dict[str, Any] = {
         "rows": int(rows.sum()),
         "poses": int(np.unique(solution.reflections.pose[rows]).size),

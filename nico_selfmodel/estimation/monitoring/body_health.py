@@ -46,21 +46,17 @@ def check_body_health(model: BodyModel, data: BodyDataset) -> HealthReport:
         ModelError: If the model does not say what noise to expect.
     """
     poses, share = _seen_poses(model, data)
-    noise, covariance = with_tail(model), shown_covariance(model, poses)
+    noise, covariance = _with_tail(model), _shown_covariance(model, poses)
     causes = body_causes(model.tree, poses.names)
     return watched(poses, noise, covariance, body_changes(model.tree, causes), causes, share)
 
 
-def false_share(detections: NDArray) -> float:
-    """Return the share of poses in which a sensor is to be expected to be wrong, 1 - (1 - g)^n.
-
-    Args:
-        detections: How many each pose has, any of which may be false, n. Shape (N,).
-    """
+def _false_share(detections: NDArray) -> float:
+    """Return the share of poses with n detections that may be false, 1 - (1 - g)^n. (N,)."""
     return float(np.mean(1.0 - (1.0 - LEAST_SHARE) ** detections))
 
 
-def shown_covariance(model: BodyModel, poses: PoseResiduals) -> NDArray:
+def _shown_covariance(model: BodyModel, poses: PoseResiduals) -> NDArray:
     """Return the covariance of the poses' parameters, as far as poses show it. Shape (P, P)."""
     if model.covariance is None:
         return np.zeros((len(poses.names),) * 2)
@@ -86,7 +82,7 @@ def _seen_poses(model: BodyModel, data: BodyDataset) -> tuple[PoseResiduals, flo
     found = white_poses(model, data)
     if found is not None:
         poses, detections = found
-        return poses, false_share(detections)
+        return poses, _false_share(detections)
     kinds = {sensor.kind for sensor in data.sensors}
     if not kinds & set(SIGHTS):
         raise DataError(f"data set {data.name!r} has nothing that a camera or tracker saw")
@@ -96,7 +92,7 @@ def _seen_poses(model: BodyModel, data: BodyDataset) -> tuple[PoseResiduals, flo
     )
 
 
-def with_tail(model: BodyModel) -> NoiseMixture:
+def _with_tail(model: BodyModel) -> NoiseMixture:
     """Return what a body's learned noise, as 1, is taken for: a core, and an unmeasured tail.
 
     What was learned is the second moment of both, 1 = (1 - e) s^2 + e (w s)^2.
@@ -127,5 +123,5 @@ def body_contradictions(model: BodyModel, data: BodyDataset) -> Contradictions |
     if found is None:
         return None
     poses, detections = found
-    covariance, share = shown_covariance(model, poses), false_share(detections)
-    return contradictions(poses, with_tail(model), covariance, share)
+    covariance, share = _shown_covariance(model, poses), _false_share(detections)
+    return contradictions(poses, _with_tail(model), covariance, share)

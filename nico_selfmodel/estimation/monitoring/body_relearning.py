@@ -12,7 +12,6 @@ from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import POSES
 from nico_selfmodel.errors import ContradictedError, DataError, ModelError
 from nico_selfmodel.estimation.monitoring.body_health import body_contradictions
-from nico_selfmodel.estimation.monitoring.body_zeros import likely_zeros
 from nico_selfmodel.estimation.monitoring.health import HealthReport
 from nico_selfmodel.estimation.noise.contradictions import Contradictions
 from nico_selfmodel.estimation.results.verdict import outliers_are_many
@@ -32,6 +31,14 @@ from nico_selfmodel.names import listed, refuse_unknown
 
 _ZERO = {REVOLUTE: "rz", PRISMATIC: "z"}
 """Part of a joint's frame that is another zero of its encoder."""
+
+
+_ANGLES = np.radians(np.arange(-180.0, 180.0, 3.0))
+"""Zeros of a joint that turns which are tried."""
+_SWEEPS = 3
+"""Over all joints."""
+_CLOSE = 0.1
+"""Errors count as close below this share of the typical one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +159,7 @@ def rezero_body(
         against = body_contradictions(near.body(model), data)
     if found is None or not _fits(found, against):
         # No slope leads to a zero that is far away: zeros all over the turn are tried.
-        far = _relearned(model, tree, told, names, begin=likely_zeros(tree, seen, names))
+        far = _relearned(model, tree, told, names, begin=_likely_zeros(tree, seen, names))
         tries = [far] if near is None else [near, far]
         found = min(tries, key=lambda one: (int(one.set_aside.sum()), one.misfit))
         against = body_contradictions(found.body(model), data)
@@ -281,3 +288,39 @@ def _is_turned(data: BodyDataset, name: str) -> bool:
     kinds = np.array([sensor.kind for sensor in data.sensors])[table.sensor]
     mine = table.marker == [marker.name for marker in data.markers].index(name)
     return bool((kinds[mine] == POSES).any())
+
+
+def _likely_zeros(tree: BodyTree, seen: TreeObservations, names: frozenset[str]) -> BodyTree:
+    """Return a body whose zeros explain observations better than others all over the turn do.
+
+    Of joints that turn they are tried joint by joint from the root, the others where they fit best
+    so far; all but `names` is near the truth. See `zero_search` for an arm, whose zeros are tried
+    together.
+    """
+    parameters = TreeParameters(tree)
+    residuals = TreeResiduals(seen, parameters)
+    values = parameters.values_of(tree)
+    turned = [i for i, name in enumerate(parameters.names) if name in names and name[-2:] == "rz"]
+    close = _CLOSE * float(np.nanmedian(_errors(residuals, values)))
+
+    def score(values: NDArray) -> float:
+        # Cauchy: a few observations that fit say more than many that nearly do.
+        errors = np.nan_to_num(_errors(residuals, values) / close, nan=1e6, posinf=1e6)
+        return float(np.sum(np.log1p(errors**2)))
+
+    for _ in range(_SWEEPS):
+        before = values.copy()
+        for column in turned:
+            trials = np.tile(values, (len(_ANGLES) + 1, 1))
+            trials[1:, column] = _ANGLES
+            values = trials[int(np.argmin([score(trial) for trial in trials]))]
+        if np.array_equal(values, before):
+            break
+    return parameters.tree_of(values)
+
+
+def _errors(residuals: TreeResiduals, values: NDArray) -> NDArray:
+    """Return by how much each observation is missed, in its sensor's sigmas. Shape (N,)."""
+    seen = residuals.observations
+    r = residuals.residuals(values) / seen.stated_sigma[seen.noise_group]
+    return np.sqrt(seen.per_row(r * r))

@@ -56,8 +56,8 @@ def tool_result(
     }
     held_out = None
     if test is not None:
-        held_out = replace(update_errors(test, sensor), poses=calibration.test_poses)
-    trained = update_errors(calibration.train, sensor)
+        held_out = replace(_update_errors(test, sensor), poses=calibration.test_poses)
+    trained = _update_errors(calibration.train, sensor)
     result = replace(result, train=trained, test=held_out)
     return _evaluated(result, details, evaluation)
 
@@ -89,13 +89,8 @@ def relearned_result(
     return _evaluated(_of_update("relearn", update, None), {"cause": cause}, evaluation)
 
 
-def update_errors(errors: NDArray, sensor: str) -> Errors:
-    """Return errors in the images [px], or in space [m]. Shape (n,).
-
-    Args:
-        errors: What was found.
-        sensor: `pixels` or `points`.
-    """
+def _update_errors(errors: NDArray, sensor: str) -> Errors:
+    """Return errors in the images [px], or in space [m]. Shape (n,)."""
     return Errors(position=errors) if sensor == "points" else Errors(pixels=errors, unit="px")
 
 
@@ -142,7 +137,7 @@ def _evaluated(
     if evaluation is None:
         return replace(result, details=details)
     sensor, crossed = evaluation.sensor, evaluation.cross_validation
-    after = {name: update_errors(p[1].errors, sensor) for name, p in evaluation.held.items()}
+    after = {name: _update_errors(p[1].errors, sensor) for name, p in evaluation.held.items()}
     test = after.get("test", result.test)
     if test is not None and result.test is not None:
         test = replace(test, poses=result.test.poses)
@@ -150,7 +145,7 @@ def _evaluated(
         result,
         train=after.get("train", result.train),
         test=test,
-        cross_validation=None if crossed is None else update_errors(crossed, sensor),
+        cross_validation=None if crossed is None else _update_errors(crossed, sensor),
         details=details,
     )
 
@@ -161,7 +156,7 @@ def _worth(evaluation: UpdateEvaluation | None) -> dict[str, Any]:
         return {}
     sensor, held = evaluation.sensor, evaluation.held
     return {
-        "before": {name: update_errors(p[0].errors, sensor).to_json() for name, p in held.items()},
+        "before": {name: _update_errors(p[0].errors, sensor).to_json() for name, p in held.items()},
         "changes": parameter_changes(
             evaluation.before, evaluation.after, evaluation.update.learned
         ),

@@ -64,7 +64,7 @@ def with_training_noise(
     own = without_itself(poses, fitted, weighed)
     aside = np.isin(poses.sample, outliers)
     own[aside] = poses.residuals[aside]
-    limits = (least_noise(sensor, _stated(dataset, sensor)), LARGEST_SENSOR[sensor])
+    limits = (_least_noise(sensor, _stated(dataset, sensor)), LARGEST_SENSOR[sensor])
     spread = max(float(np.std(observations.block.measured, axis=1).mean()), limits[0])
     noise = most_likely_mixture(own, poses.by_angle, poses.seen, fitted, limits, spread)
     known = {**model.fit.get("noise", {}), sensor: noise.as_document(sensor)}
@@ -115,7 +115,7 @@ def expected_noise(model: SelfModel, sensor: str, dataset: Dataset | None = None
         least = LEAST[sensor] if stated is None else stated
     else:
         (noise,) = known.values()
-        least = least_noise(sensor, stated)
+        least = _least_noise(sensor, stated)
         noise = replace(noise, sensor_sigma=least, tail_sensor_sigma=2.0 * least)
     return replace(
         noise,
@@ -128,7 +128,7 @@ def _stated(dataset: Dataset, sensor: str) -> float | None:
     return dataset.point_sigma_m if sensor == "points" else dataset.pixel_sigma_px
 
 
-def least_noise(sensor: str, stated: float | None) -> float:
+def _least_noise(sensor: str, stated: float | None) -> float:
     """Return the least noise that a measured coordinate may have [m or px]."""
     return max(LEAST[sensor], FLOOR[sensor] if stated is None else stated)
 

@@ -81,7 +81,7 @@ class Observations:
             rows: Rows of these.
             p_WH: What was measured [m]. Shape (N, 3).
         """
-        units = servo_units(dataset)
+        units = _servo_units(dataset)
         return cls(
             dataset.joint_names,
             tuple(markers),
@@ -150,7 +150,7 @@ class Observations:
         return self.select(np.isin(self.pose, rng.permutation(poses)[:count]))
 
 
-def servo_units(dataset: Dataset) -> ServoMap:
+def _servo_units(dataset: Dataset) -> ServoMap:
     """Return servos with the units that the data set states, offset 0 and gear 1."""
     joints = dataset.joints
     return ServoMap(

@@ -31,7 +31,7 @@ def parameter_changes(
     if after.covariance is not None:
         spread = np.sqrt(np.maximum(np.diag(after.covariance.matrix), 0.0))
         sigma = dict(zip(after.covariance.names, spread.tolist(), strict=True))
-    near = nearest_values(before, after)
+    near = _nearest_values(before, after)
     found = {}
     for name in names:
         if name in old and name in new:
@@ -46,13 +46,8 @@ def parameter_changes(
     return found
 
 
-def nearest_values(before: SelfModel, after: SelfModel) -> dict[str, float]:
-    """Return the values of a model, its angles by whole turns nearest to those of another.
-
-    Args:
-        before: The other model.
-        after: The model.
-    """
+def _nearest_values(before: SelfModel, after: SelfModel) -> dict[str, float]:
+    """Return the values of `after`, its angles by whole turns nearest to those of `before`."""
     old = {name: value for name, (value, _) in named_values(before).items()}
     new = {name: (value, unit) for name, (value, unit) in named_values(after).items()}
     near = {name: value for name, (value, _) in new.items()}

@@ -110,22 +110,16 @@ class FairSurface:
             return diagonal[:, None] * x + self.unbent(self.bent(x)) / self.tau**2
 
         scale = 1.0 / (diagonal + 1.2 / self.tau**2)
-        return conjugate_gradients(apply, right, scale[:, None], steps)
+        return _conjugate_gradients(apply, right, scale[:, None], steps)
 
 
-def conjugate_gradients(
+def _conjugate_gradients(
     apply: Callable[[NDArray], NDArray], right: NDArray, scale: NDArray, steps: int
 ) -> NDArray:
-    """Solve A x = b for several b at once, each by its own conjugate gradients.
+    """Solve A x = b for several b at once, each by its own conjugate gradients. (V, k) -> (V, k).
 
-    Args:
-        apply: A symmetric, positive definite A.
-        right: Shape (V, k).
-        scale: Inverse of the diagonal of A, or what is like it. Shape (V, 1).
-        steps: At most.
-
-    Returns:
-        Shape (V, k).
+    `apply` is a symmetric, positive definite A, `scale` the inverse of its diagonal, or what is
+    like it. Shape (V, 1).
     """
     x = np.zeros_like(right)
     rest = right.copy()

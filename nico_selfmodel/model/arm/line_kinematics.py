@@ -35,15 +35,10 @@ def line_rotations(directions: NDArray, q: NDArray) -> NDArray:
     return turned.reshape(*q.shape[:-1], 3, 3, count)
 
 
-def carried_rotations(directions: NDArray, q: NDArray) -> NDArray:
+def _carried_rotations(directions: NDArray, q: NDArray) -> NDArray:
     """Return what turns each joint's surroundings, A_i = R_1 ... R_{i-1}, and A_{n+1}.
 
-    Args:
-        directions: Unit directions. Shape (..., n, 3).
-        q: Joint displacements [rad]. Shape (..., n, N).
-
-    Returns:
-        Shape (..., n + 1, 3, 3, N).
+    Shapes (..., n, 3) and (..., n, N) -> (..., n + 1, 3, 3, N).
     """
     *many, n, count = q.shape
     rotations = line_rotations(directions, q)
@@ -126,7 +121,7 @@ class CarriedLines:
             direction_basis: Two changes b of each direction, normal to it. Shape (..., n, 3, 2).
             point_basis: Two changes b of each point. Shape (..., n, 3, 2).
         """
-        carried = carried_rotations(directions, q)
+        carried = _carried_rotations(directions, q)
         difference = carried[..., :-1, :, :, :] - carried[..., 1:, :, :, :]
         turned = skew(directions) @ direction_basis
         changes = np.swapaxes(np.concatenate([turned, point_basis], axis=-1), -1, -2)

@@ -63,9 +63,9 @@ def rig_values(cameras: Sequence[Camera]) -> NDArray:
     """Return the numbers that `rig_names` names, in the first camera's frame."""
     inside = [camera.values for camera in cameras]
     X_FC = [cameras[0].X_CW @ camera.X_WC for camera in cameras[1:]]
-    return np.concatenate([*inside, *(part for X in X_FC for part in pose_values(X))])
+    return np.concatenate([*inside, *(part for X in X_FC for part in _pose_values(X))])
 
 
-def pose_values(X: NDArray) -> tuple[NDArray, NDArray]:
+def _pose_values(X: NDArray) -> tuple[NDArray, NDArray]:
     """Return the rotation vector [rad] and the position [m] of a pose, as `POSE_NAMES`."""
     return rotation_vector_of(X[:3, :3]), X[:3, 3]

@@ -91,10 +91,10 @@ def is_body(path: str | Path) -> bool:
 
 def save_body(model: BodyModel, path: str | Path) -> None:
     """Write a body, whole or not at all."""
-    write_whole(path, body_text(model))
+    write_whole(path, _body_text(model))
 
 
-def body_text(model: BodyModel) -> str:
+def _body_text(model: BodyModel) -> str:
     """Return a body as YAML; floats read back exactly."""
     tree = model.tree
     document: dict[str, Any] = {

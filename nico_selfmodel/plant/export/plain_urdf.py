@@ -41,7 +41,7 @@ def plain_document(model: SelfModel, measuring_frame: str) -> Document:
     document.appendChild(robot)
     robot.setAttribute("name", re.sub(r"\W+", "_", model.name) or "learned")
     chain = model.chain
-    centres = joint_centres(chain)
+    centres = _joint_centres(chain)
     ends = np.vstack([centres[1:], chain.p_WH_zero[:1]])
     thickness = 0.12 * (np.linalg.norm(ends - centres, axis=1).sum() or 1.0)
     append(robot, "link", name=BASE)
@@ -67,7 +67,7 @@ def link_name(joint: str) -> str:
     return f"{joint}_link"
 
 
-def joint_centres(chain: Chain) -> NDArray:
+def _joint_centres(chain: Chain) -> NDArray:
     """Choose a point on every axis, from the hand inwards: the one nearest to the next.
 
     Estimates may hold points anywhere along their axes. Shape (n, 3).

@@ -8,7 +8,7 @@ from nico_selfmodel.servos.dynamixel.motor import (
     signed,
 )
 from nico_selfmodel.servos.dynamixel.sdk import DynamixelSdk
-from nico_selfmodel.servos.dynamixel.simulated.line import DynamixelLine
+from nico_selfmodel.servos.dynamixel.simulated.servo import DynamixelLine
 from nico_selfmodel.servos.makes import DYNAMIXEL
 from nico_selfmodel.servos.register_servo.joint_bus import RegisterJointBus
 from nico_selfmodel.servos.register_servo.register_bus import RegisterBus

@@ -2,7 +2,7 @@
 
 from nico_selfmodel.servos.feetech.motor import MODEL, SMALLEST_POSITION, FeetechMotor
 from nico_selfmodel.servos.feetech.sdk import FeetechSdk
-from nico_selfmodel.servos.feetech.simulated.line import FeetechLine
+from nico_selfmodel.servos.feetech.simulated.servo import FeetechLine
 from nico_selfmodel.servos.makes import FEETECH
 from nico_selfmodel.servos.register_servo.joint_bus import RegisterJointBus
 from nico_selfmodel.servos.register_servo.register_motor import RegisterMotor

@@ -99,14 +99,14 @@ def write_pages(path: str | Path, pages: Sequence[Page], dpi: int = 600) -> None
         OSError: If the folder is missing or cannot be written to.
     """
     path = Path(path)
-    writers = {".pdf": pdf_bytes, ".svg": svg_bytes, ".png": lambda p: png_bytes(p, dpi)}
+    writers = {".pdf": _pdf_bytes, ".svg": _svg_bytes, ".png": lambda p: _png_bytes(p, dpi)}
     write = writers.get(path.suffix.lower())
     if write is None:
         raise ValueError(f"{path}: a sheet is written as {', '.join(writers)}")
     write_bytes_whole(path, write(pages))
 
 
-def svg_bytes(pages: Sequence[Page]) -> bytes:
+def _svg_bytes(pages: Sequence[Page]) -> bytes:
     """Return the first page as an SVG whose unit is the millimetre."""
     page = pages[0]
     body = []
@@ -138,7 +138,7 @@ def svg_bytes(pages: Sequence[Page]) -> bytes:
     ).encode()
 
 
-def pdf_bytes(pages: Sequence[Page]) -> bytes:
+def _pdf_bytes(pages: Sequence[Page]) -> bytes:
     """Return all pages as a PDF."""
     kids = " ".join(f"{5 + 2 * i} 0 R" for i in range(len(pages)))
     font = "<< /Type /Font /Subtype /Type1 /BaseFont /{} >>"
@@ -169,7 +169,7 @@ def pdf_bytes(pages: Sequence[Page]) -> bytes:
     return body + end.encode("ascii")
 
 
-def png_bytes(pages: Sequence[Page], dpi: int) -> bytes:
+def _png_bytes(pages: Sequence[Page], dpi: int) -> bytes:
     """Return the first page as a PNG that says its resolution; edges are rounded to pixels."""
     page, scale = pages[0], dpi / _MM_PER_INCH
     image = np.full((round(page.height * scale), round(page.width * scale)), 255, np.uint8)

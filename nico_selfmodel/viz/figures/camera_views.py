@@ -44,7 +44,7 @@ class CameraView:
     @property
     def rms(self) -> float | None:
         """Root mean square error [px], None where nothing was seen."""
-        return root_mean_square(self.errors)
+        return _root_mean_square(self.errors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class ShownView:
     @property
     def rms(self) -> float | None:
         """Root mean square error over the cameras [px]."""
-        return root_mean_square(np.concatenate([camera.errors for camera in self.cameras]))
+        return _root_mean_square(np.concatenate([camera.errors for camera in self.cameras]))
 
 
 def shown_views(
@@ -105,7 +105,7 @@ def shown_views(
     )
 
 
-def root_mean_square(errors: NDArray) -> float | None:
+def _root_mean_square(errors: NDArray) -> float | None:
     """Return the root mean square of numbers, None where there are none."""
     return float(np.sqrt(np.mean(errors**2))) if len(errors) else None
 

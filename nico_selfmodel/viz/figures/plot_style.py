@@ -90,7 +90,7 @@ def headline(figure: Figure, text: str) -> None:
     figure.suptitle(text, x=0.008, ha="left", fontsize=11.0, fontweight="bold", color=palette.INK)
 
 
-def plain_tick(value: float, _position: int) -> str:
+def _plain_tick(value: float, _position: int) -> str:
     """Write a tick: names of joints may hold a $, so that no text is read as mathematics."""
     return f"{value:g}"
 
@@ -102,7 +102,7 @@ def log_ticks(axis: Axis) -> None:
         axis.set_major_locator(MaxNLocator(4))
     elif high < 1000.0 * low:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.set_major_formatter(plain_tick)
+    axis.set_major_formatter(_plain_tick)
     axis.set_minor_formatter(NullFormatter())  # by default mathematics, which is not read
 
 

@@ -56,7 +56,7 @@ def camera_report(
     sections = (
         _errors(assessment, document),
         _where(assessment, views),
-        *lens_section(document),
+        *_lens_section(document),
         *_known(document),
         *_together(assessment, document),
         shared_sections.learned_section(
@@ -108,7 +108,7 @@ def _errors(assessment: CameraAssessment, document: Mapping[str, Any]) -> parts.
         "Euclidean distance of each detected corner from where the model puts it, a corner in each "
         "camera counted by itself, so that rms is OpenCV's."
     )
-    tiles = pair_tiles(document)
+    tiles = _pair_tiles(document)
     distribution = camera_plots.pixel_errors(assessment)
     return shared_sections.errors_section(
         document,
@@ -120,7 +120,7 @@ def _errors(assessment: CameraAssessment, document: Mapping[str, Any]) -> parts.
     )
 
 
-def pair_tiles(document: Mapping[str, Any]) -> tuple[parts.Tile, ...]:
+def _pair_tiles(document: Mapping[str, Any]) -> tuple[parts.Tile, ...]:
     """Return the numbers by which pairs of cameras are compared; none for one camera."""
     tiles = []
     baseline = document["parameters"].get("baseline")
@@ -153,7 +153,7 @@ def _board_tiles(found: Mapping[str, Any]) -> tuple[parts.Tile, parts.Tile]:
     )
 
 
-def lens_section(document: Mapping[str, Any]) -> list[parts.Section]:
+def _lens_section(document: Mapping[str, Any]) -> list[parts.Section]:
     """Return which lenses were tried; nothing where the polynomial left nothing to ask."""
     tried = (document.get("lens") or {}).get("tried")
     if not tried:
@@ -274,10 +274,10 @@ def _views(
         "more than four times the rms."
     )
     seen = () if pictures is None else (parts.hint(words), pictures)
-    return parts.section("What was seen", parts.numbers(view_table(views)), *seen, id="views")
+    return parts.section("What was seen", parts.numbers(_view_table(views)), *seen, id="views")
 
 
-def view_table(views: tuple[ShownView, ...]) -> Table:
+def _view_table(views: tuple[ShownView, ...]) -> Table:
     """Return one row a view: its files, what it was used for, corners and errors."""
     rows = []
     for view in views:

@@ -50,7 +50,7 @@ def calibration_scene(
         ModelError: If the robot cannot be read, or its chain has other joints.
     """
     q = shown_pose(calibration)
-    unit = length_unit(calibration)
+    unit = _length_unit(calibration)
     circles = circle_items(calibration, unit)
     items = [
         *arm_items(calibration.model, q, unit),
@@ -92,7 +92,7 @@ def shown_pose(calibration: KinematicCalibration) -> NDArray:
     return (crossing_of(observations.angles, sweeps) - servos.offset) / servos.gear
 
 
-def length_unit(calibration: KinematicCalibration) -> float:
+def _length_unit(calibration: KinematicCalibration) -> float:
     """Return the length that sizes of drawn things are fractions of [m]."""
     size = calibration.train.observations.size
     return max(arm_length(calibration.model.chain), 0.5 * size)

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.geometry.transform import apply
-from nico_selfmodel.names import refuse_unknown
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.numbers_shown import short
 from nico_selfmodel.viz.figures.photographs import Photographs, photograph_of
@@ -31,7 +30,6 @@ _AZIMUTH, _ELEVATION = np.radians(180.0 + 34.0), np.radians(25.0)
 def camera_scene(
     assessment: CameraAssessment,
     images: Photographs | None = None,
-    point: tuple[str, int] | None = None,
     *,
     name: str = "cameras",
 ) -> Scene:
@@ -42,20 +40,17 @@ def camera_scene(
     Args:
         assessment: What was learned.
         images: Photographs: camera -> view -> red, green and blue. Those of one view are shown.
-        point: View and number of the corner whose rays are drawn; by default the first corner of
-            the nearest of the better boards.
         name: What the cameras are called.
 
     Returns:
         Cameras with their images, boards coloured by their errors, and of a pair the rays and the
-        epipolar plane of one corner.
+        epipolar plane of the first corner of the nearest of the better boards.
 
     Raises:
-        ValueError: If there is no such view or corner, or an image is not of the size that was
-            calibrated.
+        ValueError: If an image is not of the size that was calibrated.
     """
     calibration = assessment.calibration
-    view, corner = chosen_point(calibration, point)
+    view, corner = _chosen_point(calibration)
     planes = {
         side: ImagePlane(camera.at(X_WL @ camera.X_WC), _plane_distance(calibration))
         for side, camera in zip(calibration.views.cameras, calibration.cameras, strict=True)
@@ -78,41 +73,25 @@ def camera_scene(
     return Scene(name, (grid, *items), view_of_all, tuple(legend))
 
 
-def chosen_point(calibration: CameraCalibration, point: tuple[str, int] | None) -> tuple[int, int]:
-    """Return the number of a view and of a corner that every camera saw in it.
-
-    Args:
-        calibration: What was learned.
-        point: Name of the view and number of the corner; None for one on the nearest of the better
-            boards.
-
-    Raises:
-        ValueError: If there is no such view or corner.
-    """
+def _chosen_point(calibration: CameraCalibration) -> tuple[int, int]:
+    """Return the nearest of the better views, and a corner that every camera saw in it."""
     seen = np.asarray(calibration.views.seen.all(axis=1))
     if not seen.any():  # of many cameras no board is seen by all
         seen = np.asarray(calibration.views.seen.any(axis=1))
-    if point is None:
-        depth = apply_each(calibration.X_LG, calibration.views.p_GQ.mean(axis=0))[:, 2]
-        whole = seen.any(axis=1) & ~calibration.outliers
-        rms = np.where(whole, calibration.view_rms, np.nan)
-        better = rms <= np.nanmedian(rms) if whole.any() else seen.any(axis=1)
-        view = int(np.argmin(np.where(better, depth, np.inf)))
-        return view, int(np.argmax(seen[view]))
-    name, corner = point
-    refuse_unknown("view", name, calibration.views.names)
-    view = calibration.views.names.index(name)
-    if not 0 <= corner < seen.shape[1] or not seen[view, corner]:
-        raise ValueError(f"corner {corner} of view {name} was not seen by every camera")
-    return view, corner
+    depth = _apply_each(calibration.X_LG, calibration.views.p_GQ.mean(axis=0))[:, 2]
+    whole = seen.any(axis=1) & ~calibration.outliers
+    rms = np.where(whole, calibration.view_rms, np.nan)
+    better = rms <= np.nanmedian(rms) if whole.any() else seen.any(axis=1)
+    view = int(np.argmin(np.where(better, depth, np.inf)))
+    return view, int(np.argmax(seen[view]))
 
 
-def apply_each(poses: NDArray, point: NDArray) -> NDArray:
+def _apply_each(poses: NDArray, point: NDArray) -> NDArray:
     """Return one point of a moving frame in each of its poses. (V, 4, 4), (3,) -> (V, 3)."""
     return np.stack([apply(pose, point) for pose in poses])
 
 
-def largest_rms(calibration: CameraCalibration) -> float:
+def _largest_rms(calibration: CameraCalibration) -> float:
     """Return the largest root mean square error of a board that is no outlier [px]."""
     rms = calibration.view_rms[~calibration.outliers]
     return float(rms.max()) if len(rms) and rms.max() > 0.0 else 1.0
@@ -132,7 +111,7 @@ def _held_in_view(calibration: CameraCalibration, planes: list[ImagePlane]) -> N
 
 def _plane_distance(calibration: CameraCalibration) -> float:
     """Return how far in front of the cameras their images are drawn [m]."""
-    centers = apply_each(calibration.X_LG, calibration.views.p_GQ.mean(axis=0))
+    centers = _apply_each(calibration.X_LG, calibration.views.p_GQ.mean(axis=0))
     distance = _REACH * float(np.median(np.linalg.norm(centers, axis=1)))
     if len(calibration.cameras) < 2:
         return distance
@@ -144,7 +123,9 @@ def _plane_distance(calibration: CameraCalibration) -> float:
 
 def _boards(calibration: CameraCalibration, chosen: int) -> list[Item]:
     views, items = calibration.views, []
-    colors = palette.BOARDS(np.minimum(calibration.view_rms / largest_rms(calibration), 1.0))[:, :3]
+    colors = palette.BOARDS(np.minimum(calibration.view_rms / _largest_rms(calibration), 1.0))[
+        :, :3
+    ]
     for k, name in enumerate(path_names(views.names)):
         out = bool(calibration.outliers[k])
         group = "outliers" if out else "boards"
@@ -160,7 +141,7 @@ def _boards(calibration: CameraCalibration, chosen: int) -> list[Item]:
 def _board_legend(calibration: CameraCalibration) -> list[LegendEntry]:
     scale = palette.scale(palette.BOARDS)
     inliers = int((~calibration.outliers).sum())
-    label = f"boards ({inliers}), by their rms (0 to {short(largest_rms(calibration))} px)"
+    label = f"boards ({inliers}), by their rms (0 to {short(_largest_rms(calibration))} px)"
     entries = [LegendEntry(label, scale[-1], scale)]
     if calibration.outliers.any():
         names = [

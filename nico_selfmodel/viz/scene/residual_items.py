@@ -28,7 +28,7 @@ def point_items(calibration: KinematicCalibration, unit: float) -> list[Item]:
     """
     items: list[Item] = []
     measured = calibration.train.observations.p_WH
-    free = free_rows(calibration)
+    free = _free_rows(calibration)
     if free.size:
         items.append(_points("training/free_poses", measured[free], palette.TRAINING, unit))
     if calibration.test is not None:
@@ -58,7 +58,7 @@ def point_items(calibration: KinematicCalibration, unit: float) -> list[Item]:
 def point_legend(calibration: KinematicCalibration) -> list[LegendEntry]:
     """Return what the colours of points mean."""
     entries = []
-    free = free_rows(calibration)
+    free = _free_rows(calibration)
     if free.size:
         color = palette.rgba(palette.TRAINING)
         entries.append(LegendEntry(f"training, free poses ({free.size})", color))
@@ -82,7 +82,7 @@ def residual_items(calibration: KinematicCalibration, unit: float) -> list[Item]
         Items whose path ends in the factor, under `training` and `held_out`; those of outliers are
         not among them.
     """
-    factor, largest = residual_factor(calibration, unit), largest_shown(calibration)
+    factor, largest = _residual_factor(calibration, unit), largest_shown(calibration)
     items: list[Item] = []
     for name, evaluation, rows in inlier_rows(calibration):
         far = factor * evaluation.distances[rows] > _LONGEST * unit
@@ -104,7 +104,7 @@ def residual_items(calibration: KinematicCalibration, unit: float) -> list[Item]
 
 def residual_legend(calibration: KinematicCalibration, unit: float) -> list[LegendEntry]:
     """Return the factor and the colour scale of the residuals."""
-    factor, largest = residual_factor(calibration, unit), largest_shown(calibration)
+    factor, largest = _residual_factor(calibration, unit), largest_shown(calibration)
     scale = palette.scale(palette.ERRORS)
     label = f"residuals, drawn ×{factor:g} (0 to {short(1e3 * largest)} mm)"
     entries = [LegendEntry(label, scale[-1], scale)]
@@ -116,12 +116,12 @@ def residual_legend(calibration: KinematicCalibration, unit: float) -> list[Lege
     return entries
 
 
-def residual_factor(calibration: KinematicCalibration, unit: float) -> float:
+def _residual_factor(calibration: KinematicCalibration, unit: float) -> float:
     """Return the factor by which residuals are drawn longer than they are."""
     return nice_factor(_DRAWN_LENGTH * unit, largest_shown(calibration))
 
 
-def free_rows(calibration: KinematicCalibration) -> NDArray:
+def _free_rows(calibration: KinematicCalibration) -> NDArray:
     """Return training rows, without outliers, that lie on no circle."""
     on_circle = list(samples_by_owner(calibration).values())
     inliers = np.flatnonzero(~calibration.outliers)

@@ -116,10 +116,10 @@ def _sensor(tree: BodyTree, data: BodyDataset, rows: SensorRows) -> int:
 
 def known_places(data: BodyDataset) -> NDArray:
     """Return which markers stand at known places in the room. Boolean, shape (m,)."""
-    return known_on(data, WORLD_NAME)
+    return _known_on(data, WORLD_NAME)
 
 
-def known_on(data: BodyDataset, link: str) -> NDArray:
+def _known_on(data: BodyDataset, link: str) -> NDArray:
     """Return which markers are at known places on a link. Boolean, shape (m,)."""
     return np.array([m.xyz is not None and m.on == link for m in data.markers], dtype=bool)
 
@@ -181,7 +181,7 @@ def points_on_known_links(
     """
     rng, points = np.random.default_rng((seed, 5)), []
     for link in data.joint_names:
-        known = known_on(data, link)
+        known = _known_on(data, link)
         if known.sum() < FEWEST:
             continue
         own = _three_apart(blank, np.flatnonzero(known))
@@ -210,7 +210,7 @@ def with_known_links(data: BodyDataset, tree: BodyTree, located: NDArray) -> Bod
     """
     markers = list(tree.markers)
     for link in data.joint_names:
-        known = known_on(data, link)
+        known = _known_on(data, link)
         own = [m for m in located.tolist() if known[m]]
         if len(own) < len(_CORNERS):
             continue

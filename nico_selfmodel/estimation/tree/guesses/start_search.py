@@ -68,7 +68,7 @@ def searched_start(
         DataError: If the recording cannot tell a first body, or nothing stands for the world.
         ValueError: If a name does not exist.
     """
-    observations, few = TreeObservations.of(data), few_samples(data, seed)
+    observations, few = TreeObservations.of(data), _few_samples(data, seed)
     tried = observations if few is data else TreeObservations.of(few)
     around = Surroundings.of_boards(tried, blank.lenses)
     best: tuple[TreeStart, BodyTree] | None = None
@@ -93,13 +93,8 @@ def searched_start(
     return FoundStart(start, tree, tuple(costs), observations.scalars, begin)
 
 
-def few_samples(data: BodyDataset, seed: int) -> BodyDataset:
-    """Return enough samples to tell a body by, drawn at random; all where they are few.
-
-    Args:
-        data: The recording.
-        seed: Of the draw.
-    """
+def _few_samples(data: BodyDataset, seed: int) -> BodyDataset:
+    """Return enough samples to tell a body by, drawn at random; all where they are few."""
     table = data.observations
     first, rank = np.zeros(len(data.sample), dtype=bool), np.arange(len(data.sample))
     np.random.default_rng((seed, 7)).shuffle(rank)

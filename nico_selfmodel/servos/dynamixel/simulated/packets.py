@@ -26,7 +26,7 @@ def _table() -> list[int]:
 _TABLE = _table()
 
 
-def crc16(data: bytes) -> int:
+def _crc16(data: bytes) -> int:
     """Return the checksum: CRC-16 with the polynomial 0x8005, begun with 0 (CRC-16/UMTS)."""
     crc = 0
     for byte in data:
@@ -39,7 +39,7 @@ def encode(address: int, instruction: int, parameters: bytes) -> bytes:
     body = (bytes((instruction,)) + parameters).replace(HEADER, HEADER + b"\xfd")
     length = len(body) + 2
     packet = HEADER + bytes((0, address, length & 0xFF, length >> 8)) + body
-    return packet + crc16(packet).to_bytes(2, "little")
+    return packet + _crc16(packet).to_bytes(2, "little")
 
 
 class DynamixelFraming:
@@ -62,7 +62,7 @@ class DynamixelFraming:
             if len(heard) < _HEAD + length:
                 return None
             packet = bytes(heard[: _HEAD + length])
-            if crc16(packet[:-2]) != int.from_bytes(packet[-2:], "little"):
+            if _crc16(packet[:-2]) != int.from_bytes(packet[-2:], "little"):
                 del heard[: len(HEADER)]
                 continue
             del heard[: _HEAD + length]

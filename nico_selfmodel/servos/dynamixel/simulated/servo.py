@@ -3,8 +3,11 @@
 import math
 
 from nico_selfmodel.servos.dynamixel import motor as table
+from nico_selfmodel.servos.dynamixel.sdk import ALERT
+from nico_selfmodel.servos.dynamixel.simulated.packets import DynamixelFraming
 from nico_selfmodel.servos.makes import DYNAMIXEL
 from nico_selfmodel.servos.profile import Motion
+from nico_selfmodel.servos.register_servo.simulated.line import RegisterLine
 from nico_selfmodel.servos.register_servo.simulated.servo import RefusedError, SimulatedServo
 
 RANGE, LIMIT, ACCESS = 4, 6, 7
@@ -100,3 +103,18 @@ class SimulatedDynamixel(SimulatedServo):
             self.profile.advance(ends)
             self.profile.hold()
             self.table[table.BUS_WATCHDOG] = table.WATCHDOG_ENDED
+
+
+class DynamixelLine(RegisterLine):
+    """Servos on one half-duplex line that speak protocol 2.0."""
+
+    servo_type = SimulatedDynamixel
+    framing = DynamixelFraming()
+
+    def greeting(self, module: SimulatedServo) -> bytes:
+        """Return model and firmware."""
+        return bytes((*module.table[:2], module.table[6]))
+
+    def ailing(self, module: SimulatedServo) -> int:
+        """Return the bit that says that something ails a servo."""
+        return ALERT if module.faults else 0

@@ -1,7 +1,9 @@
 """A simulated Feetech STS3215: its memory table and its profile. It has no watchdog."""
 
 from nico_selfmodel.servos.feetech import motor as table
+from nico_selfmodel.servos.feetech.simulated.packets import FeetechFraming
 from nico_selfmodel.servos.profile import Motion
+from nico_selfmodel.servos.register_servo.simulated.line import RegisterLine
 from nico_selfmodel.servos.register_servo.simulated.servo import SimulatedServo
 
 _LARGEST_POSITION, _TIME = 11, 44
@@ -68,3 +70,14 @@ class SimulatedFeetech(SimulatedServo):
         acceleration = 100.0 * self.table[table.ACCELERATION]
         speed = abs(self._signed(table.GOAL_SPEED))
         self.profile.go(goal, speed or _FAST, acceleration or _FAST)
+
+
+class FeetechLine(RegisterLine):
+    """Servos on one half-duplex line."""
+
+    servo_type = SimulatedFeetech
+    framing = FeetechFraming()
+
+    def ailing(self, module: SimulatedServo) -> int:
+        """Return the bits that say what ails a servo."""
+        return module.faults

@@ -27,7 +27,7 @@ def with_shape(scene: Scene, shape: BodyShape, X_SW: NDArray) -> Scene:
     return replace(
         scene,
         items=(*kept, *shape_items(shape, X_SW)),
-        legend=(*scene.legend, *shape_legend(shape)),
+        legend=(*scene.legend, *_shape_legend(shape)),
     )
 
 
@@ -55,7 +55,7 @@ def shape_items(shape: BodyShape, X_SW: NDArray) -> list[Item]:
     ]
 
 
-def shape_legend(shape: BodyShape) -> list[LegendEntry]:
+def _shape_legend(shape: BodyShape) -> list[LegendEntry]:
     """Return what the surfaces and their grey parts are."""
     seen = [own.colors[own.seen] for own in shape.links.values() if own.seen.any()]
     red, green, blue = np.median(np.concatenate(seen), axis=0) if seen else NEVER_SEEN
