@@ -261,7 +261,7 @@ class WeighedArm:
         jacobian = linear.jacobian[:, :, self._columns]
         residuals = LinearResiduals(
             groups,
-            groups.gather(linear.residuals - jacobian @ pull),
+            groups.gather(linear.residuals - np.tensordot(jacobian, pull, 1)),
             groups.gather(jacobian[:, :, there]),
             linear.by_angle,
             information=1.0 / variance[there],
@@ -273,5 +273,6 @@ class WeighedArm:
         """Return errors of some rows that count, after a step [m]."""
         linear = self.linear
         out = linear.whitening.groups.rows[rows]
-        missed = linear.residuals[out] - linear.jacobian[out][:, :, self._columns] @ step
+        jacobian = linear.jacobian[out][:, :, self._columns]
+        missed = linear.residuals[out] - np.tensordot(jacobian, step, 1)
         return np.asarray(np.linalg.norm(missed, axis=1))

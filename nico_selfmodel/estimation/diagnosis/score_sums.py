@@ -197,7 +197,7 @@ class ScoreSums:
             along = found.course @ part - cross @ self.inverse @ fitted
             size = np.linalg.lstsq(left, along, rcond=1e-9)[0]
             taken = self.inverse @ (fitted - cross.T @ size)
-            changed = self.left.jacobian[:, :, columns] @ size
+            changed = np.tensordot(self.left.jacobian[:, :, columns], size, 1)
             changed = found.course[self.span, None] * changed
             after.append(self._mean_distance(taken, changed, rows))
             sizes.append(size * self.left.scale[columns])
@@ -217,7 +217,7 @@ class ScoreSums:
 
     def _mean_distance(self, taken: NDArray, changed: NDArray | float, rows: NDArray) -> float:
         """Return the mean residual when the free parameters take a step and something changed."""
-        left = self.left.residuals - self._free_columns @ taken - changed
+        left = self.left.residuals - np.tensordot(self._free_columns, taken, 1) - changed
         return float(np.linalg.norm(left[rows], axis=1).mean())
 
     def chance_of(self, ratio: float, columns: list[int]) -> float:

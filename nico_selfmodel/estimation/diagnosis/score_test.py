@@ -84,7 +84,7 @@ class ScoreTest:
         numbers = basis @ (vectors[:, kept].T @ along) / size
         fall = float(along @ (basis @ (vectors[:, kept].T @ along)))
         taken = np.linalg.lstsq(self._R, inside @ numbers, rcond=1e-10)[0] / self._size
-        moved = columns @ numbers - self._fitted @ taken
+        moved = np.tensordot(columns, numbers, 1) - np.tensordot(self._fitted, taken, 1)
         rows = self.linear.whitening.groups.rows
         before, after = (
             np.linalg.norm(r[rows], axis=1).mean()

@@ -302,7 +302,8 @@ class _Refinement:
         linear = self.linear
         groups = linear.whitening.groups
         jacobian = linear.jacobian[:, :, self.columns]
-        about = linear.residuals - jacobian @ pull_of(self.parameters, self.columns, self.priors)
+        pull = pull_of(self.parameters, self.columns, self.priors)
+        about = linear.residuals - np.tensordot(jacobian, pull, 1)
         residuals = LinearResiduals(
             groups,
             groups.gather(about),
