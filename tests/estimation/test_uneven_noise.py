@@ -167,6 +167,22 @@ def test_heavy_tails_of_all_joints_are_noise_and_no_joint_is_named(markers, seed
     assert found.noise["j1"] == pytest.approx(rms, rel=0.25)
 
 
+@pytest.mark.parametrize(("markers", "seed"), slow_rest([(1, 2), (1, 3), (3, 2), (3, 3)]))
+def test_heavy_tails_of_a_tracker_are_no_noise_of_joints(markers, seed):
+    rng = np.random.default_rng((seed, 9))
+    arm = one_arm(
+        seed, joints=6, markers=markers, poses=90, joint_sigma=2e-4, sigma={"points": 2e-4}
+    )
+    values = arm.data.observations.values.copy()
+    far = rng.normal(size=(len(values), 3)) * (rng.random((len(values), 1)) < 0.05)
+    values[:, :3] += np.sqrt(24.0) * 2e-4 * far
+    data = replace(arm.data, observations=replace(arm.data.observations, values=values))
+    found = calibrate_tree(data, effects=())
+    assert found.solution.outliers.any()
+    assert found.solution.slipped.any()
+    assert found.noise["j1"] == found.solution.noise.joint[0]
+
+
 @pytest.mark.slow
 def test_observations_astray_are_no_tails_of_noise():
     found, rms = tailed(42, 1, astray=0.03)

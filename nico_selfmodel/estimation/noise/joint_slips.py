@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
-from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -289,33 +288,34 @@ class _Scores:
         return tries or [_Often(found, out, None)]
 
 
-def all_slip_alike(
-    whitening: PoseWhitening,
-    r: NDArray,
-    J: NDArray,
-    prior: NDArray,
-    slipped: NDArray,
-    some: NDArray,
-    alike: NDArray,
-) -> bool:
-    """Return whether it is likelier that all joints slip, as often and as far, than that some do.
-
-    Those are one choice of as many joints, of which none was likelier beforehand.
+def gain_of_slips(t: NDArray, c: NDArray) -> float:
+    """Return the gain of the log likelihood if any of some joints slips now and then, one a visit.
 
     Args:
-        whitening: Of the poses, no joint freed.
-        r: Residuals in their sensors' sigmas. Shape (R,).
-        J: Derivatives by the free parameters. Shape (R, p).
-        prior: Information of the priors on their diagonal. Shape (p,).
-        slipped: What was read wrongly at each visit. Boolean, shape (visits, m).
-        some: Joints that were found to slip. Boolean, shape (m,).
-        alike: All that may slip as they do. Boolean, shape (m,).
+        t: As in `_Scores`. Shape (visits, j).
+        c: Shape (visits, j).
     """
-    gathered = whitening.groups.gather(r[:, None]), whitening.groups.gather(J[:, None])
-    scores = _Scores.at(whitening, *gathered, prior, 1.0, slipped)
-    t, c = scores.t, scores.c
-    of_some, of_all = (float(_gains(_of_sizes(t[:, j], c[:, j])[0]).max()) for j in (some, alike))
-    return of_all > of_some - np.log(comb(int(alike.sum()), int(some.sum())))
+    return float(_by_share(_of_sizes(t, c)[0]).max())
+
+
+def gain_of_errors(e: NDArray, information: NDArray, visit: NDArray) -> float:
+    """Return the gain if an observation is now and then far off, one of a visit, any way alike.
+
+    Off by N(0, d^2 I), of information M = (S^-1)_oo and with e = (S^-1 r)_o, it is
+    exp(e'(M + I / d^2)^-1 e / 2) / |I + d^2 M|^(1/2) times as likely as without.
+
+    Args:
+        e: Along the eigenvectors of M. Shape (N, k).
+        information: Eigenvalues of M, 0 of what is not there. Shape (N, k).
+        visit: Of each observation. Shape (N,).
+    """
+    size = _SIZES[:, None, None]
+    x = size * information
+    B = np.sum(0.5 * size * e**2 / (1.0 + x) - 0.5 * np.log1p(x), axis=2)
+    of, counts = np.unique(visit, return_inverse=True, return_counts=True)[1:]
+    out = np.full((len(counts), len(B)), -np.inf)
+    np.logaddexp.at(out, of, B.T)
+    return float(_by_share(out.T - np.log(counts)).max())
 
 
 def _of_sizes(t: NDArray, c: NDArray) -> tuple[NDArray, float]:
@@ -330,7 +330,7 @@ def _of_sizes(t: NDArray, c: NDArray) -> tuple[NDArray, float]:
     return (B if c.ndim == 1 else np.logaddexp.reduce(B, axis=2) - np.log(c.shape[1])), middle
 
 
-def _gains(B: NDArray) -> NDArray:
+def _by_share(B: NDArray) -> NDArray:
     """Return gains of the log likelihood by share and size of slips. (sizes, visits) -> (p, s)."""
     p = _SHARES[:, None, None]
     return np.sum(np.logaddexp(np.log1p(-p), np.log(p) + B), axis=2)
@@ -338,7 +338,7 @@ def _gains(B: NDArray) -> NDArray:
 
 def _mixture(t: NDArray, c: NDArray, odd: NDArray) -> tuple[float, NDArray]:
     """Return the gain of the log likelihood by slips of one joint, and each visit's log odds."""
-    gain = _gains(_of_sizes(t, c)[0])
+    gain = _by_share(_of_sizes(t, c)[0])
     share, size = np.unravel_index(int(np.argmax(gain)), gain.shape)
     odds = np.log(_SHARES[share] / (1.0 - _SHARES[share])) + _of_sizes(odd, c)[0][size]
     return float(gain[share, size]), odds

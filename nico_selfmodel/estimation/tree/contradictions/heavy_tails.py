@@ -1,17 +1,25 @@
-"""Joints that are read wrongly now and then, and noise that is now and then large at any joint.
+"""Joints that are read wrongly now and then, and noise that is now and then large.
 
 A joint that slips in more poses than by chance is named: what it does there is a fault. Where it
 is likelier that all joints slip alike, it is noise with heavy tails. Parameters are learned beside
 each slip, but a reading to come may slip as well: predictions count the variance of all that is
-no fault, sigma^2 + p d^2 of slips of N(0, d^2) in a share p of the poses.
+no fault, sigma^2 + p d^2 of slips of N(0, d^2) in a share p of the poses. Where it is likelier
+still that sensors are far off now and then, slips say nothing of the joints.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.noise.joint_slips import FEWEST_SLIPS, all_slip_alike
+from nico_selfmodel.estimation.noise.joint_slips import (
+    FEWEST_SLIPS,
+    gain_of_errors,
+    gain_of_slips,
+)
+from nico_selfmodel.estimation.noise.pose_noise import FREE_SIGMA
+from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
 from nico_selfmodel.estimation.tree.pose_tests import LOUDEST, far_observations
 from nico_selfmodel.estimation.tree.tree_noise import likeliest_noise, tree_whitening
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
@@ -22,10 +30,14 @@ _MOST_SLIPS = 0.02
 least."""
 _LARGER = 5.0
 """Times usual joint noise that its tails reach."""
+_TOLD = 1e-9
+"""Information below which a visit tells nothing of a joint."""
 
 
 def slipping_joints(problem: TreeProblem, solution: TreeSolution) -> NDArray:
     """Return which of `TreeObservations.noisy_joints` slip more than by chance, and than others.
+
+    They are one choice of as many joints, of which none was likelier beforehand.
 
     Args:
         problem: What was solved.
@@ -41,12 +53,9 @@ def slipping_joints(problem: TreeProblem, solution: TreeSolution) -> NDArray:
     alike = np.isin(group, group[often]) & ~seen.unread
     if not often.any() or (alike == often).all():
         return often
-    _, linear, groups, _, noise, known = problem.asking_at(solution)
-    scale = noise.sensor[seen.noise_group]
-    whitening = tree_whitening(seen, linear, groups, noise)
-    r, J = linear.r / scale, (linear.J / scale).T
-    found = solution.slipped_in(groups.numbers)
-    return often & ~all_slip_alike(whitening, r, J, known, found, often, alike)
+    errors = _Errors.of(problem, solution, solution.outliers)
+    ways = comb(int(alike.sum()), int(often.sum()))
+    return often & (errors.gain_of(often) - np.log(ways) >= errors.gain_of(alike))
 
 
 def noise_to_expect(problem: TreeProblem, solution: TreeSolution) -> TreeNoise:
@@ -66,7 +75,9 @@ def noise_to_expect(problem: TreeProblem, solution: TreeSolution) -> TreeNoise:
         np.maximum.at(off, seen.data.visit[real], np.abs(solution.joint_errors[real]))
     faults = slipped & ((off > LOUDEST * seen.moved) | slipping_joints(problem, solution))
     outliers = solution.outliers & _beyond_joint_noise(problem, solution)
-    if (faults == slipped).all() and (outliers == solution.outliers).all():
+    errors = _Errors.of(problem, solution, outliers)
+    as_before = (faults == slipped).all() and (outliers == solution.outliers).all()
+    if as_before or errors.of_sensors > errors.gain_of(~seen.unread):
         return noise
     sound = replace(solution, slipped=faults, outliers=outliers)
     joint = likeliest_noise(*problem.asking_at(sound)).joint
@@ -80,3 +91,49 @@ def _beyond_joint_noise(problem: TreeProblem, solution: TreeSolution) -> NDArray
     slipped = np.zeros((groups.poses, len(loud.joint)), bool) if slipped is None else slipped
     whitening = tree_whitening(seen, linear, groups, loud, slipped)
     return far_observations(seen, whitening, linear, loud, known, solution.outliers, slipped)
+
+
+@dataclass(frozen=True, eq=False)
+class _Errors:
+    """What each visit says of wrong readings of each joint, and of observations far off."""
+
+    t: NDArray
+    """Chi square of a joint's slip. Shape (visits, m)."""
+    c: NDArray
+    """Information of a visit on the joint's reading. Shape (visits, m)."""
+    of_sensors: float
+    """Gain of the log likelihood if observations are far off now and then."""
+
+    @classmethod
+    def of(cls, problem: TreeProblem, solution: TreeSolution, outliers: NDArray) -> "_Errors":
+        """Ask what is left at a solution, but for some rows of the table. Shape (N,)."""
+        seen, noise = problem.observations, solution.noise.own
+        linear, scale = problem.linear_at(solution.values, problem.poses), problem.scale
+        linear = PosesApart.of(seen, ~outliers[seen.row]).eliminated(linear, scale)
+        scale = noise.sensor[seen.noise_group]
+        groups = seen.groups(outliers)
+        whitening = tree_whitening(seen, linear, groups, noise)
+        A, r = whitening.lever, groups.gather(linear.r[:, None] / scale[:, None])
+        SiA, left = whitening.inverse(A), whitening.inverse(r[:, None])
+        c = np.einsum("gmm->gm", groups.products(SiA, A))
+        e = groups.products(A, left)[:, :, 0]
+        t = np.where(c > _TOLD, e**2 / np.maximum(c, _TOLD), 0.0)
+        by_row, told = groups.scatter(left)[:, 0, 0], whitening.joint_errors(linear.r[:, None])[1]
+        sigma = np.where(seen.unread, FREE_SIGMA, noise.joint)
+        B, visit = linear.by_joint / scale[:, None] * sigma, groups.of(seen.row >= 0)
+        of, along, information = [], [], []
+        for rows in seen.sensors:
+            at = rows.first + np.arange(rows.measured.size).reshape(len(rows.rows), -1)
+            at = at[~outliers[rows.rows]]
+            inside = B[at] @ told[visit[at[:, 0]]] @ np.swapaxes(B[at], 1, 2)
+            values, vectors = np.linalg.eigh(np.eye(at.shape[1]) - inside)
+            wide = ((0, 0), (0, 6 - at.shape[1]))
+            along.append(np.pad(np.einsum("nij,ni->nj", vectors, by_row[at]), wide))
+            information.append(np.pad(np.maximum(values, 0.0), wide))
+            of.append(visit[at[:, 0]])
+        both = np.concatenate(along), np.concatenate(information)
+        return cls(t, c, gain_of_errors(*both, np.concatenate(of)))
+
+    def gain_of(self, joints: NDArray) -> float:
+        """Return the gain of the log likelihood if some joints slip now and then. (m,)."""
+        return gain_of_slips(self.t[:, joints], self.c[:, joints])

@@ -30,6 +30,8 @@ from nico_selfmodel.model.tree.body_tree import PRISMATIC, WHOLE_POSES
 
 LEAST_RATIO = 1.02
 """Mean residual of what a change moves, without it over with it, below which nobody is told."""
+_AT_ONCE = 0.5
+"""Difference of the shares of slips before and after a sample from which on they began there."""
 _MOST_NUMBERS = 1e7
 """Of sums over spans of time that are kept: fewer spans of many parameters."""
 _MOST_SPANS, _FEWEST_SPANS = 400, 20
@@ -81,8 +83,8 @@ def _left(
     visit: NDArray,
 ) -> tuple[NDArray, Left]:
     """Return residuals and derivatives, whitened and as they are in their sensors' sigmas."""
-    nothing, none = np.zeros_like(solution.outliers), np.zeros_like(solution.slipped)
-    everything = replace(solution, outliers=nothing, slipped=none)
+    nothing = np.zeros_like(solution.outliers)
+    everything = replace(solution, outliers=nothing, slipped=_now_and_then(problem, solution))
     U, white = problem.whitened_at(everything, columns)
     by_all = np.column_stack([linear.J[problem.columns].T, columns]) / problem.scale[:, None]
     # Those of what nobody tells are 0.
@@ -90,6 +92,19 @@ def _left(
     residuals = -(linear.r / problem.scale)[:, None]
     left = Left(residuals, (by_all * scale)[:, None, :], scale, visit)
     return np.column_stack([-white, U * scale]), left
+
+
+def _now_and_then(problem: TreeProblem, solution: TreeSolution) -> NDArray:
+    """Return slips of joints that slip at all times alike: these tell of no change. (visits, m)."""
+    data, slipped = problem.observations.data, solution.slipped
+    seen = np.unique(data.visit[data.visit < len(slipped)], return_index=True)
+    order = seen[0][np.argsort(data.sample[seen[1]])]
+    before = np.cumsum(slipped[order], axis=0)
+    count = np.arange(1, len(order) + 1)[:, None]
+    after = (before[-1] - before) / np.maximum(len(order) - count, 1)
+    inside = (count >= FEWEST_VISITS // 2) & (count <= len(order) - FEWEST_VISITS // 2)
+    apart = np.where(inside, np.abs(after - before / count), 0.0).max(axis=0)
+    return slipped & (apart < _AT_ONCE)
 
 
 def _groups(
