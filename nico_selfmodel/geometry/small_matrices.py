@@ -48,7 +48,8 @@ def whitening_core(G: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     Returns:
         X and L^-1, shapes (N, n, n), and the logarithms of |G|, shape (N,).
     """
-    L = _cholesky(G)
+    # Pivots of I + B'B are 1 and more, which those of a large B lose by rounding.
+    L = _cholesky(G, 1.0)
     own, beside = _lower_inverse(L), _lower_inverse(L + np.eye(len(L))[:, :, None])
     core = np.ascontiguousarray(np.einsum("kiN,kjN->Nij", beside, own))
     return core, _rows_first(own), _log_determinant(L)
@@ -63,12 +64,13 @@ def _log_determinant(L: NDArray) -> NDArray:
     return np.asarray(2.0 * np.sum(np.log(np.einsum("iiN->iN", L)), axis=0))
 
 
-def _cholesky(S: NDArray) -> NDArray:
-    """Factor S = L L'. Shape (N, n, n) -> (n, n, N)."""
+def _cholesky(S: NDArray, least: float = -np.inf) -> NDArray:
+    """Factor S = L L', of pivots that are `least` or more. Shape (N, n, n) -> (n, n, N)."""
     A = np.array(S.transpose(1, 2, 0), order="C")
     L = np.zeros_like(A)
     for j in range(len(A)):
         left = A[j:, j] - np.einsum("ikN,kN->iN", L[j:, :j], L[j, :j])
+        left[0] = np.maximum(left[0], least)
         L[j:, j] = left / np.sqrt(left[0])
     return L
 

@@ -3,11 +3,18 @@
 import numpy as np
 import pytest
 
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset, ObservationTable
+from nico_selfmodel.dataset.body.link_joint import LinkJoint
+from nico_selfmodel.dataset.body.sensors import MarkerInfo, SensorInfo
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.tree.guesses import flange_guess
 from nico_selfmodel.estimation.tree.guesses.among_unknown import camera_among_unknown
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 
 from ..slow_rest import slow_rest
+from .simulated_trees import LENS
 
 
 def sights(seed, poses=60, points=60, turn=0.9, wrong=0.0):
@@ -40,3 +47,31 @@ def test_a_camera_that_saw_too_little_is_found_nowhere():
     rng = np.random.default_rng(0)
     assert camera_among_unknown(rays, np.arange(len(rays)), R, p, rng) is None
     assert camera_among_unknown(rays[rng.permutation(len(rays))], marker, R, p, rng) is None
+
+
+@pytest.mark.parametrize(
+    ("poses", "said"),
+    [(7, "contradicts the poses of flange 'tcp': check units, which way they go"),
+     (6, "needs a sensor that tells whole poses of a target")],
+)  # fmt: skip
+def test_poses_of_a_flange_are_blamed_where_enough_was_seen(monkeypatch, poses, said):
+    monkeypatch.setattr(flange_guess, "_by_unknown", lambda *_: None)
+    lens = dict(LENS.named_values)
+    count = np.arange(poses)
+    data = BodyDataset(
+        "flange",
+        (LinkJoint("tcp", motion="flange", encoder_unit="pose"),),
+        (MarkerInfo("tag", "tcp"),),
+        (SensorInfo("eye", "camera", image_size=LENS.image_size, lens=lens),),
+        count,
+        np.full((poses, 1), np.nan),
+        ObservationTable(
+            count,
+            *(np.zeros(poses, int),) * 2,
+            np.full(poses, -1),
+            np.hstack([np.full((poses, 2), 200.0), np.full((poses, 4), np.nan)]),
+        ),
+        np.random.default_rng(0).normal(size=(poses, 1, 6)),
+    )
+    with pytest.raises(DataError, match=said):
+        flange_guess.from_flange(data, None, TreeObservations.of(data), 0)

@@ -37,3 +37,11 @@ def test_matrices_are_left_as_they_were():
     inverse_cholesky(matrices)
     whitening_core(matrices)
     np.testing.assert_array_equal(matrices, before)
+
+
+def test_a_core_of_columns_that_are_large_and_nearly_one_is_finite():
+    B = 1e9 * np.ones((1, 6, 3)) + np.random.default_rng(3).normal(size=(20, 6, 3))
+    core, lower, log = whitening_core(np.eye(3) + np.swapaxes(B, 1, 2) @ B)
+    assert np.isfinite(core).all()
+    assert np.isfinite(lower).all()
+    assert np.isfinite(log).all()

@@ -26,8 +26,13 @@ from nico_selfmodel.estimation.tree.contradictions.exchanged_markers import exch
 from nico_selfmodel.estimation.tree.contradictions.heavy_tails import slipping_joints
 from nico_selfmodel.estimation.tree.contradictions.moved_meanwhile import moved_meanwhile
 from nico_selfmodel.estimation.tree.contradictions.off_at_once import sensors_off_at_once
-from nico_selfmodel.estimation.tree.contradictions.sensor_noise import loose_sigmas, sensor_misfits
+from nico_selfmodel.estimation.tree.contradictions.sensor_noise import (
+    loose_sigmas,
+    sensor_misfits,
+    unexplained_sensors,
+)
 from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
+from nico_selfmodel.estimation.tree.guesses.flange_guess import CHECK_FLANGE
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.estimation.tree.tree_observations import ENOUGH_TOUCHES, TURN_NOISE
@@ -55,7 +60,8 @@ SCALE = (
 def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     """Return what speaks for and against a body beyond what every calibration is asked."""
     test, ladder = calibration.test, calibration.ladder
-    bend, asked = ladder.solution, not calibration.anew
+    unexplained = [*unexplained_sensors(calibration), *_flange_misfits(calibration)]
+    bend, asked = ladder.solution, not (calibration.anew or unexplained)
     change = moved_meanwhile(bend.problem, bend.solution) if asked else None
     said = [] if test is None else [_held_out_words(calibration, test)]
     said += size_words(calibration)
@@ -79,7 +85,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     changed = [change.reason] if change is not None and change.reason else []
     return (
         *contradiction_findings(calibration),
-        *findings(MISFIT, [*sensor_misfits(calibration), *_flange_misfits(calibration)]),
+        *findings(MISFIT, [*sensor_misfits(calibration), *unexplained]),
         *findings(FAILURE, [*changed, *_noise_reasons(calibration)]),
         *findings(FAILURE, bent_reasons(calibration.flatness)),
         *findings(FAILURE, gear_words(ladder.doubtful_gears)),
@@ -191,8 +197,7 @@ def _flange_misfits(calibration: TreeCalibration) -> list[str]:
             found.setdefault(i, [0.0, 0.0])[part < 3] = sigma
     return [
         f"poses of flange {data.joints[i].name!r} would have to be off by {1e3 * place:.3g} mm and "
-        f"{np.degrees(turn):.3g} deg: check units, which way they go (of the flange in the base, "
-        "or the other way round), how turns are written, and the pairing with what was seen"
+        f"{np.degrees(turn):.3g} deg: {CHECK_FLANGE}"
         for i, (place, turn) in found.items()
         if place > _LARGEST_FLANGE_PLACE or turn > LARGEST_JOINT_NOISE
     ]

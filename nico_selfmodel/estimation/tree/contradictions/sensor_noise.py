@@ -21,18 +21,17 @@ _ADVICE = (
 
 
 def sensor_misfits(calibration: TreeCalibration) -> list[str]:
-    """Say which sensors' residuals are no noise: of what they saw, or of what was stated.
+    """Say which sensors' residuals are far beyond the noise that they are said to have.
 
     Args:
         calibration: What was learned.
     """
-    stated = [
+    return [
         f"what sensor {name!r} measured is off by {found}, it is said to be sure to {said}: "
         f"{_ADVICE}"
         for name, found, said, ratio in _beside_stated(calibration)
         if ratio > _MISFIT
     ]
-    return [*stated, *_of_what_was_seen(calibration)]
 
 
 def loose_sigmas(calibration: TreeCalibration) -> list[str]:
@@ -64,8 +63,12 @@ def _beside_stated(calibration: TreeCalibration) -> list[tuple[str, str, str, fl
     return out
 
 
-def _of_what_was_seen(calibration: TreeCalibration) -> Iterator[str]:
-    """Say which sensors would have to be so noisy that what they saw tells nothing."""
+def unexplained_sensors(calibration: TreeCalibration) -> Iterator[str]:
+    """Say which sensors would have to be so noisy that what they saw tells nothing.
+
+    Args:
+        calibration: What was learned.
+    """
     solution, observations = calibration.solution, calibration.train.observations
     for rows in observations.sensors if solution.variances_known else ():
         if rows.kind not in SIGHTS:

@@ -8,7 +8,10 @@ import numpy as np
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.tree.guesses.among_unknown import on_link_among_unknown
+from nico_selfmodel.estimation.tree.guesses.among_unknown import (
+    FEWEST_PAIRS,
+    on_link_among_unknown,
+)
 from nico_selfmodel.estimation.tree.guesses.by_first_body import (
     with_orientations,
     with_others,
@@ -21,6 +24,13 @@ from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
+from nico_selfmodel.names import listed
+
+CHECK_FLANGE = (
+    "check units, which way they go (of the flange in the base, or the other way round), how turns "
+    "are written, and the pairing with what was seen"
+)
+"""What poses of a flange that are contradicted may come of."""
 
 
 def from_flange(
@@ -47,12 +57,24 @@ def from_flange(
         return _by_corners(data, blank, carried, flange, seed)
     found = _by_unknown(data, blank, cameras, seed)
     if found is None:
-        raise DataError(
-            "a flange's hand-eye calibration needs a sensor that tells whole poses of a target "
-            "(kind 'poses'), such as a board's or a tag's, or a camera of known lens that sees "
-            "corners at known places in the room (xyz), or each of some tags from many poses"
-        )
+        raise DataError(_why_nothing_fits(data, cameras, flange))
     return found
+
+
+def _why_nothing_fits(data: BodyDataset, cameras: Sequence[SensorRows], flange: int) -> str:
+    """Say what contradicts the flange's poses, or what is missing."""
+    seen = [(rows.name, np.bincount(rows.marker)) for rows in cameras]
+    told = [name for name, count in seen if np.sum(count * (count - 1)) >= 2 * FEWEST_PAIRS]
+    if told:
+        return (
+            f"wherever {listed(told)} might sit, what was seen contradicts the poses of flange "
+            f"{data.joint_names[flange]!r}: {CHECK_FLANGE}"
+        )
+    return (
+        "a flange's hand-eye calibration needs a sensor that tells whole poses of a target "
+        "(kind 'poses'), such as a board's or a tag's, or a camera of known lens that sees "
+        "corners at known places in the room (xyz), or each of some tags from many poses"
+    )
 
 
 def _by_target(
