@@ -108,3 +108,13 @@ def test_a_change_is_told_by_how_much_it_matters(monkeypatch, ratio, said):
     result = result_of(calibrate_tree(one_arm(3, joints=2, markers=3, poses=30).data))
     told = [one.severity for one in result.findings if "something moved" in one.text]
     assert tuple(told) == said
+
+
+def test_samples_that_saw_nothing_hide_no_change():
+    data = recorded("marker")
+    seen = data.observations
+    bare = data.of_rows(~np.isin(seen.pose, [5, 20, POSES - 1]))
+    found = calibrate_tree(bare, effects=())
+    change = moved_meanwhile(found.ladder.solution.problem, found.solution)
+    assert change is not None
+    assert change.what.startswith("marker 'hand_tag0' slipped")

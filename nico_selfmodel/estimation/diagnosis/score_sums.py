@@ -111,7 +111,7 @@ class ScoreSums:
         w = full / np.maximum(large, 1.0)[of]
         starts = np.unique(np.linspace(0, len(last), most, endpoint=False).astype(int))
         span_of = np.searchsorted(starts, np.arange(len(last)), "right") - 1
-        s, plain, h = _sums_of_spans(U, w, full, span_of[visit])
+        s, plain, h = _sums_of_spans(U, w, full, span_of[visit], len(starts))
         information, pull = h.sum(axis=0)[np.ix_(free, free)], np.zeros(len(free))
         if prior is not None:
             information, pull = information + prior[0].T @ prior[0], prior[0].T @ prior[1]
@@ -271,13 +271,13 @@ def sums_of_arm(observations: Observations, solved: ArmSolution, granted: NDArra
 
 
 def _sums_of_spans(
-    U: NDArray, w: NDArray, full: NDArray, span: NDArray
+    U: NDArray, w: NDArray, full: NDArray, span: NDArray, spans: int
 ) -> tuple[NDArray, NDArray, NDArray]:
     """Return U'w, U'full and U'U of each span. Shapes (spans, P), (spans, P), (spans, P, P)."""
     order = np.argsort(span, kind="stable")
-    ends = np.flatnonzero(np.diff(span[order], append=-1)) + 1
+    starts = np.searchsorted(span[order], np.arange(1, spans))  # in some nothing was seen
     both = np.column_stack([w, full, U])[order]
-    sums = [part[:, 2:].T @ part for part in np.split(both, ends[:-1])]
+    sums = [part[:, 2:].T @ part for part in np.split(both, starts)]
     found = np.stack(sums)
     return found[:, :, 0], found[:, :, 1], found[:, :, 2:]
 
