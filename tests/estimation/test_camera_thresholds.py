@@ -11,11 +11,19 @@ from nico_selfmodel.estimation.cameras.board_accuracy import Reconstruction
 from nico_selfmodel.estimation.cameras.board_check import BoardCheck
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
+from nico_selfmodel.estimation.cameras.camera_findings import LARGEST_APART, NOTABLE_APART
 from nico_selfmodel.estimation.cameras.lenses.lens_misfit import LensMisfit
 from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 from .simulated_boards import RIG, boards, pictures
+
+_TURN = transform(rotation_from_vector([np.radians(0.3), 0.0, 0.0]), np.zeros(3))
+TURNED = StereoRig(RIG.left, RIG.right.at(RIG.right.X_WC @ _TURN))
+"""The right camera turned by 0.3 deg."""
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +49,38 @@ def test_cameras_fail_where_few_held_out_boards_fit_far_worse(pair, factor, fail
     bent = replace(pair, left_out_residuals=three, test_residuals=worse)
     words = " ".join(judge(bent).reasons)
     assert ("some of them contradict the others" in words) is fails
+
+
+@pytest.mark.parametrize(
+    ("apart", "said"),
+    [(NOTABLE_APART - 0.02, ""), (NOTABLE_APART + 0.02, "warnings"),
+     (LARGEST_APART - 0.02, "warnings"), (LARGEST_APART + 0.02, "reasons")],
+)  # fmt: skip
+def test_boards_that_fit_each_camera_half_again_better_than_all_fail(pair, apart, said):
+    calibration = pair.calibration
+    count = 2.0 * calibration.views.seen.sum(axis=2)
+    squares = np.stack([apart**2 * count, count - 6.0], axis=2)
+    bent = replace(pair, calibration=replace(calibration, view_alone=squares))
+    verdict = judge(bent)
+    told = [k for k in ("warnings", "reasons") if "each camera" in " ".join(getattr(verdict, k))]
+    assert told == ([said] if said else [])
+
+
+def test_of_a_sound_pair_boards_fit_alone_as_well_as_together(pair):
+    together, alone = np.moveaxis(pair.calibration.view_alone, 2, 0)
+    count = 2.0 * pair.calibration.views.seen.sum(axis=2)
+    ratio = together / count / (alone / (count - 6.0))
+    assert 0.9 < np.sqrt(ratio.mean()) < 1.1
+
+
+def test_a_camera_that_is_turned_between_pictures_is_told_with_the_boards_it_spoils():
+    X_LG = boards(14)
+    before, after = pictures(X_LG, 0.2), pictures(X_LG, 0.2, rig=TURNED)
+    half = np.arange(14) >= 9
+    pixels = np.where(half[:, None, None], after.pixels, before.pixels)
+    found = calibrate_cameras(replace(before, pixels=pixels))
+    words = " ".join(judge(CameraAssessment.from_calibration(found)).reasons)
+    assert "did the cameras keep still against each other" in words
 
 
 BENDS = "bends light as its model does not"

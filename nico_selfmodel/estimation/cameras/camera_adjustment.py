@@ -1,7 +1,7 @@
 """One adjustment of cameras and all boards, its result and its uncertainty."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,8 @@ _PER_PARAMETER = 20
 """Residuals for each parameter from which on they tell how they scatter one by one."""
 _LEAST_LEFT = 0.1
 """Share of a residual, at least, that counts as not taken up by what it alone tells."""
+FEWEST_ALONE = 16
+"""Corners of a board from which on one camera by itself tells how well they fit."""
 SUSPICIOUS = 3.0
 """A board whose rms is this many times the median one makes a robust solution worth its time."""
 
@@ -74,6 +76,9 @@ class CameraCalibration:
     """Of the last adjustment."""
     seconds: float
     """Time of the whole estimation."""
+    view_alone: NDArray = field(default_factory=lambda: np.zeros((0, 0, 2)))
+    """Sums of squares of what each camera saw of each board, at the pose that fits all cameras and
+    at its own, [px^2]; nan where a few corners tell nothing. Shape (V, C, 2)."""
 
     @property
     def rig(self) -> StereoRig:
@@ -248,7 +253,24 @@ class Adjustment:
             found.converged,
             self.solution.iterations,
             seconds,
+            sigma**2 * self._squares_alone(parts),
         )
+
+    def _squares_alone(self, parts: Parts) -> NDArray:
+        """Return squares of each view in each camera, and with a pose of its own. (V, C, 2).
+
+        r - A (A'A)^-1 A'r to first order, A by the board's pose: Fisher's analysis of variance.
+        """
+        views, cameras = len(self.views), len(self.views.cameras)
+        r = parts[0].reshape(views, cameras, -1)
+        A = parts[2].reshape(views, 6, cameras, -1).transpose(0, 2, 1, 3)
+        together = np.sum(r * r, axis=2)
+        H, g = A @ np.swapaxes(A, 2, 3), (A @ r[:, :, :, None])[:, :, :, 0]
+        diagonal = np.einsum("vcii->vci", H)
+        told = self.views.seen.sum(axis=2) >= FEWEST_ALONE
+        H = np.where(told[:, :, None, None], H, np.eye(6) * (diagonal + 1.0)[:, :, None, :])
+        alone = together - np.sum(g * np.linalg.solve(H, g[:, :, :, None])[:, :, :, 0], axis=2)
+        return np.where(told[:, :, None], np.stack([together, alone], axis=2), np.nan)
 
     def _suspicious(self, x: NDArray) -> bool:
         rms = self._view_rms(x)

@@ -12,6 +12,7 @@ from nico_selfmodel.estimation.cameras.board_accuracy import (
     from_centre,
     held_out_residuals,
 )
+from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.estimation.cameras.camera_assessment import (
     CameraAssessment,
     fails_the_lens,
@@ -30,6 +31,12 @@ from nico_selfmodel.names import listed
 
 _EXCESSIVE = 3.0
 """Ratio of root mean squares that needs no statistics: of a handful of boards, or one wrong one."""
+NOTABLE_APART, LARGEST_APART = 1.2, 1.5
+"""Noise of boards in all cameras together over that in each by itself, from which on it is
+mentioned, and no noise."""
+_SHOWN = 3
+_EXACT = 1e-6
+"""Noise of corners below which there is none [px]."""
 _WORST_PX, _WORST = 6.0, 20.0
 """A corner further off than both, in pixels and in standard deviations, is no corner of the board:
 a detector's corner lies within, whatever its window holds."""
@@ -65,6 +72,7 @@ def camera_findings(assessment: CameraAssessment) -> tuple[Finding, ...]:
         )
     return (
         *findings(FAILURE, failures),
+        *boards_apart(assessment.calibration),
         *findings(LAST, [_excess_reason(judged)]),
         *findings(WARNING, assessment.warnings),
         *findings(NOTE, said),
@@ -120,6 +128,34 @@ def _words_of_far(assessment: CameraAssessment, test: BoardViews, beyond: NDArra
         f"{reach:.0f} px: the {assessment.lens_of(name)} lens is told no further out and misses "
         "them there, all others fit; learn from boards that reach as far"
     )
+
+
+def boards_apart(calibration: CameraCalibration) -> list[Finding]:
+    """Say where boards fit each camera by itself and not all together.
+
+    The mean over views of the ratio of both mean squares, one corner that is far off being in both.
+
+    Args:
+        calibration: What was learned.
+    """
+    seen = calibration.views.seen
+    shared = ~calibration.outliers & (seen.any(axis=2).sum(axis=1) > 1)
+    count = 2.0 * seen.sum(axis=2)[shared]
+    together, alone = (calibration.view_alone[shared][:, :, k] for k in (0, 1))
+    ratio = together / count / np.maximum(alone / np.maximum(count - 6.0, 1.0), _EXACT**2)
+    told = np.isfinite(ratio)
+    apart = float(np.sqrt(np.mean(ratio[told]))) if told.any() else 0.0
+    if apart < NOTABLE_APART:
+        return []
+    worst = np.argsort(-np.nanmax(np.where(told, ratio, 0.0), axis=1), kind="stable")
+    names = [calibration.views.names[v] for v in np.flatnonzero(shared)[worst][:_SHOWN]]
+    one, all_ = (np.sqrt(np.median(s[told] / count[told])) for s in (alone, together))
+    text = (
+        f"each camera by itself fits boards to {one:.2g} px, all together to {all_:.2g} px, worst "
+        f"{listed(names)}: did the cameras keep still against each other, and are all pictures of "
+        "one size, uncropped, and of one moment?"
+    )
+    return findings(FAILURE if apart >= LARGEST_APART else WARNING, [text])
 
 
 def _worst_reason(assessment: CameraAssessment) -> str | None:
