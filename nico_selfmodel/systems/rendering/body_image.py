@@ -25,7 +25,11 @@ from nico_selfmodel.plant.link_surfaces import link_surfaces
 from nico_selfmodel.systems.closing import Closable, free_memory
 from nico_selfmodel.systems.image_values import image_value
 from nico_selfmodel.systems.rendering.cropped_render import CroppedRender, LabelledPicture
-from nico_selfmodel.systems.rendering.station_scene import add_renderer, remove_scene
+from nico_selfmodel.systems.rendering.station_scene import (
+    add_renderer,
+    remove_scene,
+    rest_renderer,
+)
 from nico_selfmodel.systems.rendering.stereo_cameras import RENDERER
 from nico_selfmodel.vision.images.lens_warp import LensWarp
 
@@ -251,6 +255,7 @@ class BodyImage(Closable, LeafSystem):
             np.copyto(seen.color, reflected.color, where=before[:, :, None])
             np.copyto(seen.depth, reflected.depth, where=before)
             np.copyto(seen.labels, reflected.labels, where=before)
+        rest_renderer(scene, context)
         return LabelledPicture(
             warp.apply(seen.color),
             warp.nearest(seen.depth, np.inf),
