@@ -16,6 +16,8 @@ nothing determines it, too. Finite, so that covariances can be added and inverte
 what is known."""
 _TOLD = 1e-11
 """Information on scaled parameters, of the largest, that counts as that of what is not told."""
+_WELL_TOLD = 1e-8
+"""Part of a parameter's own information, beside all others, above which all are told for sure."""
 _NO_PART = 1e-6
 """Share in what nothing determines below which it is rounding."""
 
@@ -244,7 +246,15 @@ def covariance_told_by(information: NDArray) -> NDArray:
     """
     diagonal = np.diag(information)
     unit = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    values, vectors = np.linalg.eigh(information / np.outer(unit, unit))
+    alike = information / np.outer(unit, unit)
+    try:
+        lower = np.linalg.cholesky(alike)
+    except np.linalg.LinAlgError:
+        lower = np.zeros_like(alike)
+    if (np.diag(lower) ** 2 > _WELL_TOLD).all():
+        inverse = np.linalg.inv(lower) / unit
+        return inverse.T @ inverse
+    values, vectors = np.linalg.eigh(alike)
     values = np.maximum(values, _TOLD * values.max(initial=1.0))
     return (vectors / values) @ vectors.T / np.outer(unit, unit)
 

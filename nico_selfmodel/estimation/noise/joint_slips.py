@@ -80,8 +80,8 @@ def slipped_joints(
             not, as all if omitted. Shape (m,).
     """
     groups = whitening.groups
-    gathered = groups.gather(r[:, None]), groups.gather(J[:, None])
-    asked = partial(_Scores.at, whitening, *gathered, prior)
+    X = np.column_stack([groups.gather(r[:, None]), groups.gather(J[:, None])])
+    asked = partial(_Scores.at, whitening, _VisitSums.of(whitening, X), prior)
     plain = asked(1.0, None)
     often, before = plain.often_slipped()[0], plain.likelihood
     if often.likelihood > before + HINTED_AT:
@@ -188,6 +188,42 @@ def _peak(x: NDArray, y: NDArray) -> float:
 
 
 @dataclass(frozen=True, eq=False)
+class _VisitSums:
+    """What rows X and derivatives A by the joints' errors tell at any joint noise D.
+
+    A' S^-1 = (I + A'A D^2)^-1 A' and X' S^-1 X = X'X - X'A D^2 A' S^-1 X: where visits have more
+    rows than joints they are summed once.
+    """
+
+    X: NDArray
+    """By visit, in their sensors' sigmas. Shape (T, k)."""
+    total: NDArray
+    """X'X of all visits. Shape (k, k)."""
+    across: NDArray
+    """A'X, then A'A. Shape (visits, m, k + m)."""
+
+    @classmethod
+    def of(cls, whitening: PoseWhitening, X: NDArray) -> "_VisitSums":
+        """Sum rows by visit. Shape (T, k)."""
+        A = whitening.lever
+        return cls(X, X.T @ X, whitening.groups.products(A, np.column_stack([X, A])))
+
+    def whitened(self, whitening: PoseWhitening) -> tuple[NDArray, NDArray, NDArray]:
+        """Return A' S^-1 X and A' S^-1 A of each visit, and X' S^-1 X of all."""
+        m, k = self.across.shape[1], len(self.total)
+        if len(self.X) < m * len(self.across):
+            solved = whitening.inverse(np.column_stack([self.X, whitening.lever]))
+            both = whitening.groups.products(whitening.lever, solved)
+            return both[:, :, :k], both[:, :, k:], self.X.T @ solved[:, :k]
+        variance = whitening.joint_sigma**2
+        told = np.eye(m) + self.across[:, :, k:] * variance[:, None, :]
+        both = np.linalg.solve(told, self.across)
+        lost = self.across[:, :, :k] * variance[:, :, None]
+        inner = self.total - lost.reshape(-1, k).T @ both[:, :, :k].reshape(-1, k)
+        return both[:, :, :k], both[:, :, k:], 0.5 * (inner + inner.T)
+
+
+@dataclass(frozen=True, eq=False)
 class _Scores:
     """What each visit says of each joint, read wrongly by anything."""
 
@@ -204,8 +240,7 @@ class _Scores:
     def at(
         cls,
         whitening: PoseWhitening,
-        r: NDArray,
-        Jg: NDArray,
+        sums: "_VisitSums",
         prior: NDArray,
         part: float | NDArray,
         slipped: NDArray | None,
@@ -218,23 +253,23 @@ class _Scores:
 
         Args:
             whitening: Of the poses, no joint freed.
-            r: Residuals in their sensors' sigmas, by visit. Shape (T,).
-            Jg: Derivatives by the free parameters. Shape (T, p).
+            sums: Of residuals and their derivatives by the free parameters.
             prior: Information of the priors on their diagonal. Shape (p,).
             part: What joint noise is of what it is there, of all or of each. Shape (m,).
             slipped: Joints that are free in a visit, as the parameters are fitted. Boolean, shape
                 (visits, m).
         """
         whitening = whitening if np.all(part == 1.0) else whitening.quieter(part)
-        fitted = whitening if slipped is None else whitening.quieter(1.0, slipped)
-        groups, A, SiJ = whitening.groups, whitening.lever, fitted.inverse(Jg)
-        C = covariance_told_by(Jg.T @ SiJ + np.diag(prior))
-        rows = (r - Jg @ (C @ (SiJ.T @ r)))[:, None]
-        SiA = whitening.inverse(A)
-        e = groups.products(SiA, rows)[:, :, 0]
+        by_joint, of_joint, inner = sums.whitened(whitening)
+        fitted = inner
+        if slipped is not None:
+            fitted = sums.whitened(whitening.quieter(1.0, slipped))[2]
+        C = covariance_told_by(fitted[1:, 1:] + np.diag(prior))
+        fit = np.append(1.0, -C @ fitted[1:, 0])
+        e = by_joint @ fit
         # Beside noise that is far too large rounding leaves less than nothing.
-        c = np.maximum(np.einsum("gmm->gm", groups.products(SiA, A)), 0.0)
-        along = groups.products(SiA, Jg)
+        c = np.maximum(np.einsum("gmm->gm", of_joint), 0.0)
+        along = by_joint[:, :, 1:]
         taken = np.sum((along @ C) * along, axis=2)
         told = np.maximum(c, _TOLD)
         t = np.where(c < _TOLD, 0.0, (e**2 + taken) / told)
@@ -242,7 +277,7 @@ class _Scores:
         if slipped is not None:
             alone = np.any(slipped, axis=1, keepdims=True) & (c >= _TOLD)
             t, odd = np.where(alone, e**2 / told, t), np.where(alone, e**2 / (told + taken), t)
-        left = float(np.sum(rows * whitening.inverse(rows)))
+        left = float(fit @ inner @ fit)
         determinants = whitening.log_determinant - np.linalg.slogdet(C)[1]
         return cls(t, c, -0.5 * (left + float(determinants)), odd)
 
