@@ -36,8 +36,8 @@ ALLOWED = {TRUE_MIRROR: (MIRROR,), SCREEN: (PICTURE,), TWIN: (ANOTHER, CANNOT_TE
 """What a robot may say of each."""
 ENOUGH = 5
 """Of each that a verdict takes."""
-_POSES, _IMAGES = 30, 12
-"""In which a robot looks at most, and images of its hand at which it ends."""
+_IMAGES = 12
+"""Of its hand at which a robot ends."""
 _WIDTH, _HEIGHT = 0.6, 0.45
 """Of mirror and screen [m]."""
 _CHOICES = 2000
@@ -101,7 +101,7 @@ def _told(robot: Acquainted, shown: str) -> ImageVerdict:
         other=True,
     ) as station:  # fmt: skip
         poses = commands_of_angles(station.joints, nico.arm.lower, nico.arm.upper, view.q)
-        commands = list(rng.permutation(poses)[:_POSES])
+        commands = list(rng.permutation(poses))
         twin = facing(float(np.radians(LOOKING_DEG["neck_yaw"]))) if shown == TWIN else None
         X_BM = None if shown == TWIN else view.X_BM
         seen = watch_images(station, robot.model, commands, _IMAGES, X_BM=X_BM, X_WO=twin)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.contingency.image_witness import HandImages
+from nico_selfmodel.estimation.contingency.image_witness import FEWEST, HandImages
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.systems.rendering.mirror_scene import put_mirror
@@ -16,6 +16,7 @@ from nico_selfmodel.systems.tracking.shared_search import fiducials_in_mirror
 from nico_selfmodel.vision.images.not_seen import NotSeen
 
 _MARKER = "fiducial"
+_POSES = 30
 _OWN = 40.0
 """A marker this near to where the own hand should be seen directly is that [px]."""
 
@@ -35,7 +36,7 @@ def watch_images(
         station: Open, with a mirror or a screen and a second robot; it is not closed here.
         model: What the robot has learned of arm and cameras.
         commands: Where to go [encoder units]. Shape (n,) each.
-        enough: Images to see; then it ends.
+        enough: Images to see; then it ends. After thirty poses as many as a verdict takes do.
         X_BM: Where the mirror or screen stands, in the frame of the arm's base; away if omitted.
             Shape (4, 4).
         X_WO: Where a second robot stands that imitates the first at once; away if omitted.
@@ -46,8 +47,8 @@ def watch_images(
     station.stand_other(body.context, X_WO)
     find = fiducials_in_mirror({_MARKER: FIDUCIALS["right"]}, {}, rig=model.rig)[_MARKER]
     readings, pixels, mirrored = [], [], []
-    for command in commands:
-        if len(pixels) >= enough:
+    for k, command in enumerate(commands):
+        if len(pixels) >= (enough if k < _POSES else FEWEST):
             break
         station.GetInputPort("other_commanded").FixValue(body.context, command)
         body.relive(command)
@@ -55,8 +56,8 @@ def watch_images(
         pictures = [station.picture(body.context, side) for side in SIDES]
         own = model.rig.project(model.points(model.servos.to_joint(now[None]))[0])
         both = [
-            one(picture, own[2 * k : 2 * k + 2])
-            for k, (one, picture) in enumerate(zip(find, pictures, strict=True))
+            one(picture, own[2 * i : 2 * i + 2])
+            for i, (one, picture) in enumerate(zip(find, pictures, strict=True))
         ]
         for turned in (False, True):
             left, right = (pair[int(turned)] for pair in both)
