@@ -77,6 +77,9 @@ def datasets(draw):
     pixels = draw(arrays(np.float64, (rows, 4), elements=finite))
     pixels[0] = abs(pixels[0])
     notes = draw(st.lists(free_text | formulas, min_size=rows, max_size=rows))
+    encoders = draw(arrays(np.float64, (rows, len(joints)), elements=finite))
+    in_rad = np.array(units) == "rad"  # beyond two turns in some samples, those are in degrees
+    encoders[:, in_rad] = np.remainder(encoders[:, in_rad], 4.0 * np.pi)
     return Dataset(
         name=draw(label),
         joints=tuple(joints),
@@ -87,7 +90,7 @@ def datasets(draw):
                 )
             )
         ),
-        encoders=draw(arrays(np.float64, (rows, len(joints)), elements=finite)),
+        encoders=encoders,
         p_WH_measured=points,
         marker=np.array([draw(label) for _ in range(rows)]),
         mirror=np.array([draw(label | st.just("")) for _ in range(rows)]),
