@@ -83,7 +83,7 @@ def solve_without(program: CalibrationProgram, block: int, outliers: NDArray) ->
         block: Number of the residual block.
         outliers: Boolean, shape (N,).
     """
-    attempt = _Attempt(program, block, "lm", OUTLIER_AT)
+    attempt = _Attempt(program, block, OUTLIER_AT)
     solution = attempt.least_squares(outliers)
     residuals = program.residuals(block, solution.x)[:, ~outliers]
     scale = float(np.sqrt(np.mean(residuals**2)))
