@@ -40,7 +40,6 @@ def solve_robustly(
     block: int,
     method: str = "trimmed",
     *,
-    solver: str = "lm",
     rough: bool = False,
     outlier_at: float = OUTLIER_AT,
 ) -> RobustSolution:
@@ -50,7 +49,6 @@ def solve_robustly(
         program: The program; its start moves to the solution.
         block: Number of the residual block to protect.
         method: One of `ROBUST_METHODS`.
-        solver: As in `CalibrationProgram.solve`.
         rough: Stop early: good enough to tell one minimum from another.
         outlier_at: Scales, for three coordinates, beyond which an observation is an outlier.
 
@@ -58,10 +56,10 @@ def solve_robustly(
         The solution. With `none` nothing is called an outlier.
 
     Raises:
-        ValueError: If the method or the solver is unknown.
+        ValueError: If the method is unknown.
     """
     refuse_unknown("loss", method, ROBUST_METHODS)
-    attempt = _Attempt(program, block, solver, outlier_at)
+    attempt = _Attempt(program, block, outlier_at)
     if method == "none":
         program.set_loss(block, Loss())
         solution = attempt.solve(rough)
@@ -85,7 +83,7 @@ def solve_without(program: CalibrationProgram, block: int, outliers: NDArray) ->
         block: Number of the residual block.
         outliers: Boolean, shape (N,).
     """
-    attempt = _Attempt(program, block, "lm", OUTLIER_AT)
+    attempt = _Attempt(program, block, OUTLIER_AT)
     solution = attempt.least_squares(outliers)
     residuals = program.residuals(block, solution.x)[:, ~outliers]
     scale = float(np.sqrt(np.mean(residuals**2)))
@@ -95,11 +93,8 @@ def solve_without(program: CalibrationProgram, block: int, outliers: NDArray) ->
 class _Attempt:
     """A robust solution under way: one block of one program, and the iterations so far."""
 
-    def __init__(
-        self, program: CalibrationProgram, block: int, solver: str, outlier_at: float
-    ) -> None:
-        self.program, self.block, self.solver = program, block, solver
-        self.outlier_at = outlier_at
+    def __init__(self, program: CalibrationProgram, block: int, outlier_at: float) -> None:
+        self.program, self.block, self.outlier_at = program, block, outlier_at
         self.iterations = 0
 
     @cached_property
@@ -110,7 +105,7 @@ class _Attempt:
     def solve(self, rough: bool) -> ProgramSolution:
         """Solve from where the last solution ended."""
         options = {"tolerance": _ROUGH, "max_iterations": 30} if rough else {}
-        solution = self.program.solve(self.solver, **options)
+        solution = self.program.solve(**options)
         self.program.move_start(solution.x)
         self.iterations += solution.iterations
         return solution

@@ -152,12 +152,6 @@ def test_what_is_known_of_the_joints_is_part_of_their_noise():
     assert found.joint_sigma[1:].max() < 3e-4
 
 
-def test_a_sensor_that_is_given_is_not_estimated():
-    start = PoseNoise(1e-3, np.full(2, 1e-3))
-    found = most_likely_noise(drawn(0, 2e-4, [3e-3] * 2), start, np.zeros(2), sensor_sigma=5e-4)
-    assert found.sensor_sigma == 5e-4
-
-
 def test_visits_of_many_rows_cost_those_of_few_no_empty_places():
     visit = np.concatenate([np.arange(100), np.zeros(30, dtype=int), np.ones(25, dtype=int)])
     groups = PoseGroups(visit, np.ones(len(visit), dtype=bool), 3)

@@ -1,12 +1,31 @@
 """`nico-selfmodel calibrate body`: arm and cameras together."""
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from nico_selfmodel.cli import inputs, options
+from nico_selfmodel.cli import inputs, options, printer
 from nico_selfmodel.cli import option_groups as groups
-from nico_selfmodel.cli.calibrate import any_body, arm_and_cameras
+from nico_selfmodel.cli.calibrate import any_body
+from nico_selfmodel.cli.option_groups import (
+    Bends,
+    Bounds,
+    Fixed,
+    HeldOut,
+    NamedOutput,
+    NicoBoard,
+    OptionGroup,
+)
+from nico_selfmodel.cli.result_files import NoReport, judged_document, write_with_report
+from nico_selfmodel.progress import Progress
+
+if TYPE_CHECKING:
+    from nico_selfmodel.dataset.board_views import BoardViews
+    from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
+    from nico_selfmodel.vision.boards.board_detection import AnyBoard
+
 
 _OF_TWO_CAMERAS = (
     "model", "board_test_fraction", "stage", "variant", "loss",
@@ -14,6 +33,32 @@ _OF_TWO_CAMERAS = (
 )  # fmt: skip
 """Options for an arm and two cameras."""
 _OF_ANY_BODY = ("cameras", "prior", "robot_sigma")
+
+
+@dataclass(frozen=True)
+class Boards(NicoBoard):
+    """Photographs of a board by the body's cameras."""
+
+    boards: Annotated[
+        Path | None, typer.Option("--boards", help="Photographs of a board by the cameras.")
+    ] = None
+    board_test_fraction: Annotated[
+        float, typer.Option("--board-test-fraction", help="Share of the boards to hold out.")
+    ] = 0.2
+
+
+@dataclass(frozen=True)
+class Choices(OptionGroup):
+    """What is refined, from which arm and cameras."""
+
+    model: options.KnownModelOrNone = None
+    stage: Annotated[str, typer.Option("--stage", help="kinematics, intrinsics-fixed or full.")] = (
+        "full"
+    )
+    variant: Annotated[
+        str, typer.Option("--variant", help="anchored, unanchored, or the thesis' own: thesis.")
+    ] = "anchored"
+    loss: options.Loss = "trimmed"
 
 
 def body(
@@ -26,8 +71,8 @@ def body(
     bounds: groups.Bounds,
     bends: groups.Bends,
     chain: groups.Chain,
-    boards: arm_and_cameras.Boards,
-    choices: arm_and_cameras.Choices,
+    boards: Boards,
+    choices: Choices,
     robot_sigma: options.RobotSigma = None,
 ) -> None:
     """Learn a body from all that was seen of it.
@@ -54,7 +99,7 @@ def body(
             board=board,
         )
     nominal = inputs.described_arm(chain)[1]
-    arm_and_cameras.calibrate(
+    _calibrate(
         dataset,
         output,
         held_out,
@@ -80,3 +125,85 @@ def _is_any_body(context: typer.Context, dataset: Path) -> bool:
         why = f"{dataset} is of an arm and two cameras; such options are for any body"
     options.refuse_given(context, _OF_TWO_CAMERAS if found else _OF_ANY_BODY, why)
     return found
+
+
+def _calibrate(
+    dataset: Path,
+    output: NamedOutput,
+    held_out: HeldOut,
+    fixed: Fixed,
+    bounds: Bounds,
+    bends: Bends,
+    boards: Boards,
+    board: "AnyBoard",
+    choices: Choices,
+    robot: str | None,
+    nominal: "NominalArm | None",
+) -> None:
+    """Learn an arm and two cameras together, and leave a result folder.
+
+    Raises:
+        ValueError: If no self-model with both cameras is given.
+    """
+    from nico_selfmodel.dataset.folder import load_dataset
+
+    if choices.model is None:
+        load_dataset(dataset)  # says what it is instead
+        raise ValueError(f"{dataset} is of an arm and two cameras: give them with --model")
+    from nico_selfmodel.estimation.bending.what_bends import effects_of, up_of
+    from nico_selfmodel.estimation.body.body import calibrate_body
+    from nico_selfmodel.estimation.body.body_options import BodyOptions
+    from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
+    from nico_selfmodel.model.self_model_file import load_model
+
+    inputs_read = [dataset, choices.model, boards.boards, held_out.test, robot]
+    output.refuse(*inputs_read)
+    inputs.refuse_untested(bounds, held_out)
+    pins = FixedParameters.from_text(fixed.fix or (), fixed.free or ())
+    may_bend, vertical = effects_of(bends.effects), up_of(bends.up)
+    chosen = BodyOptions(choices.stage, choices.variant, pins, choices.loss)
+    start = load_model(choices.model)
+    train, test = inputs.train_and_test(dataset, held_out)
+    with printer.progress_bar() as progress:
+        views, held_boards = _views(boards, board, held_out.seed, progress)
+        progress("learning", 0, 1)
+        found = calibrate_body(
+            train,
+            start,
+            views,
+            chosen,
+            test=test,
+            test_boards=held_boards,
+            nominal=nominal,
+            name=output.name,
+            seed=held_out.seed,
+            effects=may_bend,
+            up=vertical,
+        )
+        document = judged_document(found, bounds)
+        progress("learning", 1, 1)
+        progress("writing the result", 0, 1)
+        report = NoReport(document)
+        if not output.no_report:
+            from nico_selfmodel.viz.reports.body import body_report  # slow to load
+
+            report = body_report(found, document)
+        write_with_report(output.out, found.model, report, force=output.force)
+        progress("writing the result", 1, 1)
+    printer.result(found.model.name, document, output)
+
+
+def _views(
+    boards: Boards, board: "AnyBoard", seed: int, progress: Progress
+) -> tuple["BoardViews | None", "BoardViews | None"]:
+    """Return the boards to learn from and those held out."""
+    if boards.boards is None:
+        return None, None
+    from nico_selfmodel.estimation.cameras.camera_calibration import FEWEST_VIEWS
+    from nico_selfmodel.vision.boards.board_detections import detect_boards
+
+    found = detect_boards(boards.boards, board, progress=progress).told_views
+    if not boards.board_test_fraction or len(found) <= FEWEST_VIEWS:
+        # So few are all needed to learn from; the result says that none was held out.
+        return found, None
+    return found.split(boards.board_test_fraction, seed)

@@ -22,7 +22,6 @@ def most_likely_noise(
     residuals: LinearResiduals,
     start: PoseNoise,
     known: NDArray,
-    sensor_sigma: float | None = None,
     *,
     apart: bool = False,
 ) -> PoseNoise:
@@ -32,7 +31,6 @@ def most_likely_noise(
         residuals: About a solution.
         start: Where the search begins.
         known: Variance of each joint angle that is known beforehand, as of counting [rad^2]. (n,).
-        sensor_sigma: The sensor's, where it is not to be estimated.
         apart: Take one standard deviation for each joint where they are likelier than one for all
             by more than their number explains (BIC).
 
@@ -40,14 +38,12 @@ def most_likely_noise(
         The noise; the joints' standard deviations include what is known.
     """
     n = len(known)
-    sensor = np.array([start.sensor_sigma if sensor_sigma is None else sensor_sigma])
-    held = np.array([sensor_sigma is not None])
-
+    sensor, free = np.array([start.sensor_sigma]), np.zeros(1, dtype=bool)
     floors = np.array(_floors(residuals, sensor, start.joint_sigma))
 
     def search(group: NDArray) -> VarianceSearch:
         floor = floors[[0, *np.ones(group.max() + 1, dtype=int)]]
-        return VarianceSearch(residuals, known, group, floor, held)
+        return VarianceSearch(residuals, known, group, floor, free)
 
     together = search(np.zeros(n, dtype=int)).run(sensor, start.joint_sigma)
     chosen = together

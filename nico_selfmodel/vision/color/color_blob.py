@@ -45,7 +45,7 @@ class ColorBlob:
 
 
 def find_color_blob(
-    image: NDArray, model: ColorModel, *, accept_cut: bool = False, mask: NDArray | None = None
+    image: NDArray, model: ColorModel, *, mask: NDArray | None = None
 ) -> ColorBlob | NotSeen:
     """Find the largest patch of a colour.
 
@@ -54,7 +54,6 @@ def find_color_blob(
     Args:
         image: BGR, 8 bits. Shape (h, w, 3).
         model: The colour.
-        accept_cut: Return a patch that the border of the image cuts; `touches_border` tells.
         mask: What `color_mask` returned of them, where it is at hand. Shape (h, w).
 
     Returns:
@@ -80,7 +79,7 @@ def find_color_blob(
             f" ({blob.centroid[0]:.0f}, {blob.centroid[1]:.0f}) and {blobs[1].area_px} at"
             f" ({u:.0f}, {v:.0f})"
         )
-    if blob.touches_border and not accept_cut:
+    if blob.touches_border:
         return NotSeen("the patch is cut by the border of the image: its centre is not known")
     return blob
 

@@ -85,9 +85,9 @@ class TreeResiduals:
         known = self._first_poses if self.observations.data.free_joints else None
         return type(self)(self.observations, self.parameters, known, joint_errors)
 
-    def motion(self, tree: BodyTree, start: NDArray | None = None) -> TreeMotion:
+    def motion(self, tree: BodyTree) -> TreeMotion:
         """Return where everything is at the samples; what moves freely where it fits best."""
-        return self._moved(tree, self.whole_poses(tree, start))
+        return self._moved(tree, self.whole_poses(tree))
 
     def whole_poses(self, tree: BodyTree, start: NDArray | None = None) -> NDArray:
         """Return poses as controllers read them, and where what moves freely fits best.
