@@ -118,3 +118,17 @@ def test_samples_that_saw_nothing_hide_no_change():
     change = moved_meanwhile(found.ladder.solution.problem, found.solution)
     assert change is not None
     assert change.what.startswith("marker 'hand_tag0' slipped")
+
+
+def test_a_wrong_label_of_a_marker_that_was_hardly_seen_before_is_no_slip():
+    data = recorded(None)
+    table = data.observations
+    early = (table.marker == 0) & (table.pose < 12)
+    values = table.values.copy()
+    wrong = np.flatnonzero(early & np.isin(table.pose, [3, 7]))
+    values[wrong] = values[[np.flatnonzero((table.marker == 1) & (table.pose == p))[0]
+                            for p in table.pose[wrong]]]  # fmt: skip
+    few = replace(data, observations=replace(table, values=values))
+    few = few.of_rows(~early | np.isin(np.arange(len(table)), wrong))
+    found = calibrate_tree(few, effects=())
+    assert moved_meanwhile(found.ladder.solution.problem, found.solution) is None

@@ -12,7 +12,7 @@ from nico_selfmodel.estimation.noise.pose_noise import PoseWhitening
 from nico_selfmodel.estimation.observations.observations import Observations
 
 _MARGIN = 4
-"""Visits that lie before and after any change."""
+"""Visits that lie before and after any change, of those that tell of it."""
 _CLIPPED = 2.5
 """Whitened residuals of a visit, or an observation, count up to this rms: a single outlier is no
 change."""
@@ -125,9 +125,12 @@ class ScoreSums:
 
     def step(self, columns: list[int]) -> CourseFound | None:
         """Return the best sudden change of some parameters."""
-        s, cross, own = (np.cumsum(part, axis=0) for part in self._parts(columns))
+        parts = self._parts(columns)
+        s, cross, own = (np.cumsum(part, axis=0) for part in parts)
         T, M = self._efficient(s, cross, own)
-        inside = slice(_MARGIN, len(T) - _MARGIN)
+        # A few wrong sights of what was hardly seen before are no change of it.
+        told = np.cumsum(parts[2].any(axis=(1, 2)))
+        inside = (told > _MARGIN) & (told[-1] - told >= _MARGIN)
         gains = np.full(len(T), -np.inf)
         gains[inside] = _quadratic(M[inside], T[inside])
         at = int(np.argmax(gains))
