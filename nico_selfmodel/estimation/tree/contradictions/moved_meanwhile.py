@@ -136,8 +136,8 @@ def _changes(
     told = np.bincount(table.marker[(table.pose != ANY_POSE) & ~outliers], minlength=count)
     fixed = np.array([data.on_link(marker.on) < 0 for marker in data.markers])
     for marker, seen_often in zip(data.markers, (told >= FEWEST_VISITS) & ~fixed, strict=True):
-        if seen_often:
-            names = [f"{marker.name}.{part}" for part in SHIFTS]
+        names = [f"{marker.name}.{part}" for part in SHIFTS]
+        if seen_often and names[0] in index:  # corners of a board have no place of their own
             yield (
                 _shifted(f"marker {marker.name!r} {{}} on its link"),
                 [linear.J[index[name]] for name in names],
