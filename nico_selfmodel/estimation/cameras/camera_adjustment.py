@@ -365,18 +365,19 @@ def natural_scales(
 ) -> NDArray:
     """Return the scale of each parameter on which its sigma says whether it is known at all.
 
-    Focal lengths by themselves; the principal point by half the image; k_i by what bends the
-    image's corner by its own radius; the right camera's pose by one radian and the board's size.
+    Focal lengths by themselves, four times the way to the image's corner at most; the principal
+    point by half the image; k_i by what bends the corner by its radius; 1 rad; the board's size.
     """
     board = float(np.linalg.norm(np.ptp(views.p_GQ, axis=0)))
     scales = []
     for name in free:
         camera, _, what = name.partition(".")
         half = 0.5 * np.array(views.size_of(camera))
-        # What is above and below the fraction of a rational lens stands for each other.
+        # Above and below the fraction of a rational lens k_i stand for each other.
         loose = _LOOSE if f"{camera}.k6" in names and what[0] == "k" else 1.0
         focal = values[names.index(f"{camera}.fx")]
-        radius = float(np.hypot(*half)) / focal
+        corner = float(np.hypot(*half))
+        radius, focal = corner / focal, min(focal, 4.0 * corner)  # one that ran away tells none
         by_angle = f"{camera}.k4" in names and f"{camera}.k6" not in names  # a fisheye
         scales.append(
             loose
