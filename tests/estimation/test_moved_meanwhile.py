@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import fields, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -132,3 +133,15 @@ def test_a_wrong_label_of_a_marker_that_was_hardly_seen_before_is_no_slip():
     few = few.of_rows(~early | np.isin(np.arange(len(table)), wrong))
     found = calibrate_tree(few, effects=())
     assert moved_meanwhile(found.ladder.solution.problem, found.solution) is None
+
+
+@pytest.mark.parametrize(("fifths", "at_all_times"), [((1, 3), True), ((0, 2, 4), False)])
+def test_slips_that_begin_with_more_than_half_of_the_samples_are_a_change(fifths, at_all_times):
+    """From the middle on two or three of five samples slip, before it none."""
+    sample = np.arange(40)
+    slipped = ((sample >= 20) & np.isin(sample % 5, fifths))[:, None]
+    data = SimpleNamespace(visit=sample, sample=sample)
+    problem = SimpleNamespace(observations=SimpleNamespace(data=data))
+    kept = module._now_and_then(problem, SimpleNamespace(slipped=slipped))
+    assert kept.any() == at_all_times
+    assert not (kept & ~slipped).any()
