@@ -81,7 +81,8 @@ def judge(
             mean square [px].
 
     Returns:
-        FAIL where a check fails; NOT_EVALUATED where too little was held out; else PASS.
+        FAIL where a check fails; NOT_EVALUATED where too little was held out, or what was asked is
+        left open; else PASS.
     """
     return verdict_on(result_of(calibration), require_test_mm, require_test_px)
 

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.vision.boards.board_kinds import board_of
-from nico_selfmodel.vision.images.not_seen import NotSeen
+from nico_selfmodel.vision.boards.tag_layout import lie_on
+from nico_selfmodel.vision.images.not_seen import NotSeen, OtherBoard
+from nico_selfmodel.vision.markers.tags_seen import TagsSeen
 
 from ..slow_rest import slow_rest
 from . import printed_boards
@@ -166,6 +168,26 @@ def test_tags_that_the_board_does_not_have_are_named(prints):
     assert "aruco_5x5_100" in small.reason
     other = board_of("charuco:8x6", 30, 22, "aruco_4x4_100").find(image, 11)
     assert other.reason.startswith("no aruco_4x4_100 tag")
+
+
+@pytest.mark.parametrize(
+    ("stated", "further"), slow_rest([("6x5", True), ("6x3", True), ("6x6", False)], plain=1)
+)
+def test_a_board_of_fewer_rows_than_are_seen_is_another_one(stated, further, prints):
+    image = photograph("april", 4, prints, hidden=0.0).image
+    found = board_of(f"aprilgrid:{stated}", 57.2, 44).find(image, 11)
+    assert isinstance(found, OtherBoard) == further
+    assert not further or f"beyond the {stated[-1]} rows of aprilgrid:{stated}" in found.reason
+
+
+@pytest.mark.parametrize(("aside", "on"), [(0.48, True), (0.52, False)])
+def test_a_tag_half_its_side_from_a_place_of_the_board_does_not_lie_on_it(aside, on):
+    """A robot may wear tags of the board's family."""
+    corners = 1e4 * APRIL.tag_corners
+    last = np.arange(36)[:, None, None] == 35
+    corners = corners + np.array([440.0 * aside, 0.0]) * last
+    tags = TagsSeen("apriltag_36h11", tuple(range(36)), corners)
+    assert lie_on(APRIL.tag_corners, tags, [35]) is on
 
 
 @pytest.mark.parametrize(

@@ -84,7 +84,8 @@ class CameraTask:
         calibration = choice.calibration
         progress("learning the cameras", 1, 2)
         assessment = CameraAssessment.from_calibration(
-            *(calibration, choice.options, test, known, choice.better, choice.decentred),
+            *(calibration, choice.options, test, known, choice.better, choice.rival),
+            decentred=choice.decentred,
             left_out=choice.left_out,
         )
         verdict = judge(assessment, require_test_px=self.require_test_px)

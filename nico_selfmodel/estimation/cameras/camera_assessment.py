@@ -52,6 +52,8 @@ class CameraAssessment:
     """How uncertain it is where each camera projects."""
     better_lens: str | None = None
     """The lens by which unseen boards are met better than by the one that was asked for."""
+    rival_lens: str | None = None
+    """The lens that would be taken in place of the one asked for, which boards leave open."""
     known: KnownCameras | None = None
     """What the cameras that were known before leave; None where none were given."""
     decentred: tuple[str, ...] = ()
@@ -65,6 +67,7 @@ class CameraAssessment:
         test: BoardViews | None = None,
         known: SelfModel | None = None,
         better_lens: str | None = None,
+        rival_lens: str | None = None,
         decentred: tuple[str, ...] = (),
         left_out: NDArray | None = None,
     ) -> "CameraAssessment":
@@ -76,6 +79,7 @@ class CameraAssessment:
             test: Views that were held out.
             known: The cameras as they were known before, to be compared.
             better_lens: `LensChoice.better`.
+            rival_lens: `LensChoice.rival`.
             decentred: `LensChoice.decentred`.
             left_out: `LensChoice.left_out`, which is taken where no board was an outlier.
 
@@ -105,6 +109,7 @@ class CameraAssessment:
                 for camera in calibration.views.cameras
             ),
             better_lens,
+            rival_lens,
             None if known is None else KnownCameras.on(known, shown, test is not None),
             decentred,
         )

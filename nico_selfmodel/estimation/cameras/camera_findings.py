@@ -23,10 +23,12 @@ from nico_selfmodel.estimation.results.calibration_result import (
     FAILURE,
     LAST,
     NOTE,
+    OPEN,
     WARNING,
     Finding,
     findings,
 )
+from nico_selfmodel.model.cameras.projection import POLYNOMIAL, RATIONAL
 from nico_selfmodel.names import listed
 
 _EXCESSIVE = 3.0
@@ -74,6 +76,7 @@ def camera_findings(assessment: CameraAssessment) -> tuple[Finding, ...]:
         *findings(FAILURE, failures),
         *boards_apart(assessment.calibration),
         *findings(LAST, [_excess_reason(judged)]),
+        *_rival_lens(assessment),
         *findings(WARNING, assessment.warnings),
         *findings(NOTE, said),
     )
@@ -86,6 +89,24 @@ def _better_lens(assessment: CameraAssessment) -> str | None:
     return (
         f"boards are met better by a {assessment.better_lens} lens than by the "
         f"{assessment.lens} one that was asked for: let the boards choose with --lens auto"
+    )
+
+
+def _rival_lens(assessment: CameraAssessment) -> list[Finding]:
+    """Say that boards leave open whether the lens is the one asked for."""
+    lens, rival = assessment.lens, assessment.rival_lens
+    if rival is None:
+        return []
+    if (lens, rival) == (RATIONAL, POLYNOMIAL):  # a polynomial is a rational lens, too
+        text = f"a {rival} lens, which --lens auto takes, explains these boards as well"
+        return findings(WARNING, [f"{text} with three numbers fewer"])
+    text = f"these boards do not tell the {lens} lens that was asked for from a {rival} one"
+    return findings(
+        OPEN,
+        [
+            f"{text}, which explains them as well: take that with --lens auto, or bring the board "
+            "nearer to the image's edges"
+        ],
     )
 
 

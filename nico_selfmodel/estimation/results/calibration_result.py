@@ -11,10 +11,11 @@ from nico_selfmodel.estimation.results.errors import ErrorStatistics
 from nico_selfmodel.estimation.results.verdict import FEWEST_HELD_OUT
 
 CAUSE, MISFIT, FAILURE, LAST = "cause", "misfit", "failure", "last"
-WARNING, NOTE = "warning", "note"
+OPEN, WARNING, NOTE = "open", "warning", "note"
 """Severities of a finding. All else that is wrong follows from a cause; where there is a misfit, no
 direction is called unobservable; what is told last follows from the rest, or concerns held-out
-data; a note says what passed."""
+data. Where nothing failed and something is left open that was asked, nothing passes either; a note
+says what passed."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class Finding:
     """What an estimator alone can say of its result."""
 
     severity: str
-    """`CAUSE`, `MISFIT`, `FAILURE`, `LAST`, `WARNING` or `NOTE`."""
+    """`CAUSE`, `MISFIT`, `FAILURE`, `LAST`, `OPEN`, `WARNING` or `NOTE`."""
     text: str
     """What was found, and what to do about it."""
 

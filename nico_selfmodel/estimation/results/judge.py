@@ -6,6 +6,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     LAST,
     MISFIT,
     NOTE,
+    OPEN,
     WARNING,
     CalibrationResult,
 )
@@ -28,7 +29,8 @@ def verdict_on(
         require_test_px: Largest held-out error in the images allowed [px].
 
     Returns:
-        FAIL where a check fails; NOT_EVALUATED where too little was held out; else PASS.
+        FAIL where a check fails; NOT_EVALUATED where too little was held out, or what was asked is
+        left open; else PASS.
     """
     causes, misfit = result.texts(CAUSE), result.texts(MISFIT)
     if causes:
@@ -49,24 +51,24 @@ def verdict_on(
     failed, warnings = tuple(filter(None, checks)), tuple(result.texts(WARNING))
     if failed:
         return Verdict("FAIL", failed, warnings)
-    missing, notes = _missing(result), result.texts(NOTE)
-    if missing is None:
+    missing, notes = [*result.texts(OPEN), *_missing(result)], result.texts(NOTE)
+    if not missing:
         return Verdict("PASS", tuple(notes), warnings)
-    return Verdict("NOT_EVALUATED", (missing, *(notes if result.test else ())), warnings)
+    return Verdict("NOT_EVALUATED", (*missing, *(notes if result.test else ())), warnings)
 
 
-def _missing(result: CalibrationResult) -> str | None:
+def _missing(result: CalibrationResult) -> list[str]:
     """Say what a verdict would need that nothing speaks against."""
     terms, test = result.terms, result.test
     held_out = 0 if test is None else test.poses or 0
     if test is None or not held_out:
-        return terms.untested or "nothing was held out: give --test or --test-fraction"
+        return [terms.untested or "nothing was held out: give --test or --test-fraction"]
     if terms.decisive is not None and test.statistics(terms.decisive) is None:
-        return f"nothing that was held out has an error in {terms.decisive}: hold out more"
+        return [f"nothing that was held out has an error in {terms.decisive}: hold out more"]
     if held_out >= terms.fewest:
-        return None
+        return []
     few = f"only {held_out} {terms.held_out} held out, too few to show anything"
-    return f"{few}: hold out {terms.fewest}"
+    return [f"{few}: hold out {terms.fewest}"]
 
 
 def _solver_reason(result: CalibrationResult) -> str:

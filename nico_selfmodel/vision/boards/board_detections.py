@@ -23,7 +23,7 @@ from nico_selfmodel.vision.boards.chessboard import Board, size_of_board
 from nico_selfmodel.vision.boards.exact_corners import WINDOW
 from nico_selfmodel.vision.images.image_array import turned_colors
 from nico_selfmodel.vision.images.image_file import looking_at, natural_key, read_image
-from nico_selfmodel.vision.images.not_seen import NotSeen
+from nico_selfmodel.vision.images.not_seen import NotSeen, OtherBoard
 
 _IMAGES_FOR_A_HINT = 6
 _WIDEST_WINDOW = 0.7  # of a square; from 0.85 on, corners are drawn to their neighbours
@@ -241,6 +241,9 @@ def _find(
             found.append(board.find(image, window))
         if progress:
             progress("looking for boards", done, len(files))
+    for path, item in zip(files, found, strict=True):
+        if isinstance(item, OtherBoard):
+            raise DataError(f"{path}: {item.reason}")
     detections = [item for item in found if isinstance(item, BoardDetection)]
     if not detections:
         raise DataError(_no_board(files, board, _not_seen(files, found)))

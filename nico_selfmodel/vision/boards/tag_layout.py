@@ -21,6 +21,8 @@ _FEWEST = 6
 """Tags of which a homography of the centres says something (four fit any), and lines of corners."""
 _MISS = 0.15
 """Median miss of a tag's centre, in tags, above which a layout is none. A lens bends by less."""
+_BEYOND = 0.5
+"""The same of tags beyond those that told the homography: half a tag from where none else is."""
 _OFF = 0.06
 """Share by which tags are of another size than stated."""
 
@@ -80,6 +82,18 @@ def layout_of(boards: Sequence[T], corners: Callable[[T], NDArray], tags: TagsSe
     return None
 
 
+def lie_on(corners: NDArray, tags: TagsSeen, some: Sequence[int]) -> bool:
+    """Tell whether most of some tags lie where all others say that a board has them.
+
+    Args:
+        corners: Of all tags on the board [m]. Shape (T, 4, 2).
+        tags: Seen.
+        some: Ids of those that are asked about.
+    """
+    H = _centres_homography(corners, tags.among(set(tags.ids) - set(some)))
+    return H is not None and bool(np.median(_missed(H, corners, tags.among(some))) < _BEYOND)
+
+
 def _centres_homography(corners: NDArray, tags: TagsSeen) -> NDArray | None:
     """Return the homography of the tags' centres from board to image; None where there is none."""
     if len(tags.ids) < _FEWEST:
@@ -88,6 +102,12 @@ def _centres_homography(corners: NDArray, tags: TagsSeen) -> NDArray | None:
     H, _ = cv2.findHomography(there, here, cv2.LMEDS)
     if H is None or abs(np.linalg.det(H)) < 1e-12:
         return None
-    sides = np.linalg.norm(tags.corners - np.roll(tags.corners, 1, axis=1), axis=2).mean(axis=1)
-    missed = np.linalg.norm(apply_homography(H, there) - here, axis=1) / sides
+    missed = _missed(H, corners, tags)
     return H if np.median(missed) < _MISS and np.quantile(missed, 0.8) < 2.0 * _MISS else None
+
+
+def _missed(H: NDArray, corners: NDArray, tags: TagsSeen) -> NDArray:
+    """Return how far centres lie from where a homography has them, in sides of tags. Shape (n,)."""
+    there, here = corners[list(tags.ids)].mean(axis=1), tags.corners.mean(axis=1)
+    sides = np.linalg.norm(tags.corners - np.roll(tags.corners, 1, axis=1), axis=2).mean(axis=1)
+    return np.asarray(np.linalg.norm(apply_homography(H, there) - here, axis=1) / sides)

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import read_only
+from nico_selfmodel.names import listed
 from nico_selfmodel.vision.boards.board_detection import BoardDetection, Ink
 from nico_selfmodel.vision.boards.exact_corners import FEWEST, exact_corners, seen_count
-from nico_selfmodel.vision.boards.tag_layout import layout_of
+from nico_selfmodel.vision.boards.tag_layout import layout_of, lie_on
 from nico_selfmodel.vision.images.image_array import detectable
-from nico_selfmodel.vision.images.not_seen import NotSeen
+from nico_selfmodel.vision.images.not_seen import NotSeen, OtherBoard
 from nico_selfmodel.vision.markers.fiducial_family import FiducialFamily
 from nico_selfmodel.vision.markers.tags_seen import TagsSeen
 
@@ -98,6 +99,9 @@ class TaggedBoard(ABC):
         """
         gray = detectable(image)
         tags = self._tags(gray)
+        further = self._further_rows(tags)
+        if further:
+            return OtherBoard(further)
         problem = tags.problem_with(range(self.count))
         if problem:
             return NotSeen(problem)
@@ -119,6 +123,22 @@ class TaggedBoard(ABC):
         """Say why exact corners cannot be the board's; None where they can. Shape (P, 2)."""
         del found
         return None
+
+    def _further_rows(self, tags: TagsSeen) -> str | None:
+        """Say that tags lie on the board's grid beyond the rows that were stated."""
+        foreign = [tag for tag in tags.ids if tag >= self.count]
+        if not foreign:
+            return None
+        rows = self.rows + int(np.ceil((max(foreign) + 1 - self.count) * self.rows / self.count))
+        try:
+            corners = replace(self, rows=rows).tag_corners
+        except ValueError:  # tags of a robot's own, beyond those of any board
+            return None
+        if not lie_on(corners, tags, foreign):
+            return None
+        tags_lie = f"tag {foreign[0]} lies" if len(foreign) == 1 else f"tags {listed(foreign)} lie"
+        there = f"{tags_lie} beyond the {self.rows} rows of {self}, on its grid"
+        return f"{there}: the board is larger than stated"
 
     def _other_layout(self, tags: TagsSeen) -> str:
         """Say as on a board of how many columns tags lie, if of another number."""

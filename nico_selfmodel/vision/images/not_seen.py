@@ -9,3 +9,8 @@ class NotSeen:
 
     reason: str
     """What was tried and why it was not enough, in words."""
+
+
+@dataclass(frozen=True)
+class OtherBoard(NotSeen):
+    """The answer where another board is plain to see than was stated."""

@@ -71,6 +71,8 @@ class LensChoice:
     """Those that were tried; empty where the polynomial leaves nothing to ask."""
     better: str | None = None
     """The lens by which unseen boards are met better than by the one that was asked for."""
+    rival: str | None = None
+    """The lens that `AUTO` takes in place of the one asked for, which boards do not refuse."""
     decentred: tuple[str, ...] = ()
     """Cameras whose boards ask for p1 and p2; those of all cameras were let move then."""
     left_out: NDArray | None = None
@@ -189,13 +191,28 @@ def _compared(views: BoardViews, options: CameraOptions) -> LensChoice:
     if own is None:
         return LensChoice(options, found)
     others = _tried(views, options, tuple(lens for lens in LENSES if lens != asked))
+    others |= _tried_apart(views, replace(options, lens=AUTO), {asked: own, **others})
+    others.pop(asked, None)
     better = [lens for lens, one in others.items() if not one.flawed and is_wrong(own, one)]
     trials = [_trial(asked, own, "asked for")] + [
         _trial(lens, one, "boards are met better" if lens in better else "no better")
         for lens, one in others.items()
     ]
     best = min(better, key=lambda lens: others[lens].mean, default=None)
-    return LensChoice(own.options, own.calibration, tuple(trials), best, left_out=own.residuals)
+    rival = None if best else _rival(asked, own, others)
+    return LensChoice(
+        own.options, own.calibration, tuple(trials), best, rival, left_out=own.residuals
+    )
+
+
+def _rival(asked: str, own: LensEvidence, others: dict[str, LensEvidence]) -> str | None:
+    """Return the lens that would be taken in place of the one asked for, if another."""
+    plain = others.get(POLYNOMIAL)
+    if plain is not None and not asks_for_others(plain.calibration, plain.options):
+        taken = POLYNOMIAL
+    else:
+        taken = _chosen({asked: own, **others}, {}).lens
+    return None if taken == asked else taken
 
 
 def _trial(lens: str, found: LensEvidence, reason: str) -> LensTrial:
