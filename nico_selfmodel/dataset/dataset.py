@@ -231,7 +231,7 @@ class Dataset:
         )
 
     def split(
-        self, fraction: float, seed: int | np.random.Generator
+        self, fraction: float, seed: "int | np.random.Generator"
     ) -> tuple["Dataset", "Dataset"]:
         """Split into training and test data by pose, never rows of one pose apart.
 

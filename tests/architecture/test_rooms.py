@@ -17,6 +17,7 @@ ALLOWED = {
     "arrays": {"numpy"},
     "blas_threads": {"numpy", "threadpoolctl"},
     "freed_memory": set(),
+    "loading": set(),
     "parallel": {"distributed"},
     "progress": set(),
     "least_squares": {"numpy"},

@@ -51,6 +51,18 @@ def test_the_header_tells_the_size_of_what_is_decoded(tmp_path, ending, size):
     assert read_image(tmp_path / f"a{ending}").shape == (size[1], size[0], 3)
 
 
+@pytest.mark.parametrize("ending", [".png", ".jpg"])
+def test_a_picture_without_colours_has_its_grey_in_all_three(tmp_path, ending):
+    grey = np.random.default_rng(1).integers(0, 256, (40, 60), dtype=np.uint8)
+    for name, image in (("grey", grey), ("sixteen", 257 * grey.astype(np.uint16))):
+        if ending == ".png" or name == "grey":
+            (tmp_path / f"{name}{ending}").write_bytes(cv2.imencode(ending, image)[1].tobytes())
+            read = read_image(tmp_path / f"{name}{ending}")
+            expected = cv2.imread(str(tmp_path / f"{name}{ending}"), cv2.IMREAD_COLOR)
+            np.testing.assert_array_equal(read, expected)
+            assert len(np.unique(read)) > 100
+
+
 def test_the_size_is_found_behind_what_a_camera_writes_before_it():
     jpeg = encoded(64, 48, ".jpg")
     thumbnail = encoded(20, 20, ".jpg")

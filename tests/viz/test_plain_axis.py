@@ -1,12 +1,15 @@
 """Ticks that are drawn at once stand where matplotlib would draw each."""
 
+import io
 import re
 
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG, RendererSVG
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 
 from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
 from nico_selfmodel.viz.figures.layout.widths_of_text import width_of
@@ -60,13 +63,24 @@ def drawn(kind, draw):
 
 
 def written(figure):
-    """Return what is written in a figure, and where [pt]."""
-    svg = image_bytes(figure, "svg").decode()
+    """Return what is written in a figure, and where [pt]; matplotlib's own by its own canvas."""
+    svg = (
+        image_bytes(figure, "svg").decode()
+        if isinstance(figure, PlainFigure)
+        else plain_svg(figure)
+    )
     found = []
     for text in _TEXT.finditer(svg):
         place = [float(number) for number in _PLACE.search(text[0]).groups() if number]
         found.append((text[1], place))
     return sorted(found)
+
+
+def plain_svg(figure):
+    file = io.StringIO()
+    with style():
+        FigureCanvasSVG(figure).print_svg(file)
+    return file.getvalue()
 
 
 @pytest.mark.parametrize("draw", KINDS)
@@ -92,6 +106,23 @@ def test_lines_of_a_label_stand_below_each_other_as_matplotlib_writes_them():
     assert set(ours) == set(theirs) >= {"kinematics", "only", "all", "none", "at all", "half"}
     for text, (_, height) in theirs.items():
         assert ours[text][1] == pytest.approx(height, abs=1.2), text
+
+
+@pytest.mark.parametrize("weight", ["normal", "bold"])
+def test_text_is_as_wide_as_matplotlib_measures_it_in_drawings(weight):
+    words, font = (
+        "Half within 0.20 px, 95 % of it",
+        FontProperties(size=11.0, weight=weight),
+    )
+    theirs = RendererSVG(600.0, 300.0, io.StringIO()).get_text_width_height_descent(words, font, 0)
+    for dpi in (72.0, 144.0):
+        measures = PlainFigure(dpi=dpi).canvas.get_renderer()
+        wide, tall, below = measures.get_text_width_height_descent(words, font, False)
+        assert wide == pytest.approx(theirs[0] * dpi / 72.0, rel=0.01)
+        assert 0.1 * tall < below < 0.3 * tall
+        assert tall == pytest.approx(11.0 * dpi / 72.0, rel=0.1)
+        assert measures.points_to_pixels(3.0) == pytest.approx(3.0 * dpi / 72.0)
+    assert width_of(words, "bold") > 1.05 * width_of(words)
 
 
 def test_letters_that_the_font_lacks_have_a_width():

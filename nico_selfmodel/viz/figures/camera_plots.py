@@ -174,7 +174,7 @@ def _density(axes: Axes, side: str, counts: NDArray, u: NDArray, v: NDArray) -> 
     last = np.array(counts.shape) - 1
     for i, j in np.argwhere(counts == 0).tolist():
         corner = i in (0, last[0]) and j in (0, last[1])
-        axes.add_patch(
+        axes.add_artist(  # not as a patch, by which it would ask how far the panel reaches
             Rectangle(
                 (u[i], v[j]),
                 u[i + 1] - u[i],

@@ -9,12 +9,12 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.figures.layout.plain_canvas import PlainCanvas
 
 FULL_WIDTH, HALF_WIDTH = 11.0, 4.9
 """Widths of figures on the page, where a point of type is then about a point [inch]."""
@@ -75,13 +75,11 @@ def image_bytes(figure: Figure, file_format: str) -> bytes:
         figure: The figure.
         file_format: `svg` or `png`.
     """
-    buffer = io.BytesIO()
     with style():
         if file_format == "svg":
-            # `savefig` would lay out and walk through everything once more before it draws.
-            FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})
-        else:
-            figure.savefig(buffer, format=file_format, dpi=160, metadata={"Software": None})
+            return PlainCanvas(figure).svg()
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format=file_format, dpi=160, metadata={"Software": None})
     return buffer.getvalue()
 
 

@@ -2,12 +2,12 @@
 
 It looks through all properties of all artists for the words that `help(artist.set)` and the help of
 functions that make artists show, which takes a third of the time that matplotlib takes to load. A
-report shows none of them. Python looks for what is no longer needed meanwhile, of which there is
-nothing: another seventh.
+report shows none of them.
 """
 
-import gc
 import sys
+
+from nico_selfmodel.loading import unsearched
 
 _HELP = "_update_set_signature_and_docstring"
 """What writes it; private, so that a matplotlib without it is loaded as it is."""
@@ -17,23 +17,21 @@ def load_quickly() -> None:
     """Load matplotlib's figures; whoever has loaded them before keeps their help."""
     if "matplotlib.artist" in sys.modules:
         return
-    from matplotlib import artist
-    from matplotlib.artist import Artist
+    with unsearched():
+        from matplotlib import artist
+        from matplotlib.artist import Artist
 
-    writes_help = vars(Artist).get(_HELP)
-    if writes_help is None:
-        return
-    lists_properties, collects = artist.kwdoc, gc.isenabled()
-    gc.disable()
-    setattr(Artist, _HELP, classmethod(_without_help))
-    artist.kwdoc = _no_words
-    try:
-        import matplotlib.figure  # noqa: F401
-    finally:
-        setattr(Artist, _HELP, writes_help)
-        artist.kwdoc = lists_properties
-        if collects:
-            gc.enable()
+        writes_help = vars(Artist).get(_HELP)
+        if writes_help is None:
+            return
+        lists_properties = artist.kwdoc
+        setattr(Artist, _HELP, classmethod(_without_help))
+        artist.kwdoc = _no_words
+        try:
+            import matplotlib.figure  # noqa: F401
+        finally:
+            setattr(Artist, _HELP, writes_help)
+            artist.kwdoc = lists_properties
 
 
 def _without_help(artist: type) -> None:

@@ -27,8 +27,8 @@ _PAGE_COLOUR = re.compile("|".join(_COLOURS))
 _FONT = "'DejaVu Sans'"
 _FONTS = "'DejaVu Sans', Verdana, sans-serif"
 _PANEL = "panel-"
-_FINE = re.compile(r"-?\d+\.\d{3,}")
-"""Numbers of a path finer than a hundredth of a point."""
+_FINE = re.compile(r"(?<=\.\d\d)\d+")
+"""What numbers of a path say finer than a hundredth of a point."""
 _REFERENCE = re.compile(r"url\(#([^)]+)\)")
 
 
@@ -86,16 +86,12 @@ def _as_html(root: ElementTree.Element, mark: str) -> ElementTree.Element:
                 value = f"#{mark}-{value[1:]}"
             value = _REFERENCE.sub(rf"url(#{mark}-\1)", value)
             if name == "d":
-                value = _FINE.sub(_rounded, value)
+                value = _FINE.sub("", value)
             if name == "style":
                 value = _PAGE_COLOUR.sub(lambda found: f"var(--{_COLOURS[found[0]]})", value)
                 value = value.replace(_FONT, _FONTS)
             element.set(name, value)
     return root
-
-
-def _rounded(number: re.Match[str]) -> str:
-    return f"{float(number[0]):.2f}".rstrip("0").rstrip(".")
 
 
 def _panels(figure: Figure, root: ElementTree.Element) -> Iterator[Panel]:

@@ -1,6 +1,6 @@
 """Residuals in images, as a table to download."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,21 +43,21 @@ def _pixel_rows(
         arm = found.observations.arm
         sample, pixels = arm.sample, found.observations.pixels
         label = [arm.markers[k] for k in arm.marker]
-    for i, residual in enumerate(found.residuals):
-        for side, pixel, off in zip(
-            SIDES, pixels[i].reshape(-1, 2), residual.reshape(-1, 2), strict=False
-        ):
-            if np.isfinite(off).all():
-                yield name, int(sample[i]), label[i], flag(outliers, i), side, *_pair(pixel, off)
+    each, off = pixels.reshape(-1, 2), found.residuals.reshape(-1, 2)
+    for row, numbers in _measured(each, off):
+        i, side = divmod(row, len(each) // len(pixels))
+        yield name, int(sample[i]), label[i], flag(outliers, i), SIDES[side], *numbers
 
 
 def _view_rows(view: ShownView) -> Rows:
     for camera in view.cameras:
-        for corner, (pixel, off) in enumerate(zip(camera.pixels, camera.residuals, strict=True)):
-            if np.isfinite(off).all():
-                out = "yes" if view.use == "outlier" else "no"
-                yield view.use, view.name, corner, out, camera.side, *_pair(pixel, off)
+        out = "yes" if view.use == "outlier" else "no"
+        for corner, numbers in _measured(camera.pixels, camera.residuals):
+            yield view.use, view.name, corner, out, camera.side, *numbers
 
 
-def _pair(pixel: NDArray, off: NDArray) -> tuple[float, ...]:
-    return *pixel.tolist(), *(pixel - off).tolist(), float(np.linalg.norm(off))
+def _measured(pixels: NDArray, off: NDArray) -> Iterator[tuple[int, list[float]]]:
+    """Yield each row that was seen: its number, and pixel, predicted pixel and error. (n, 2)."""
+    numbers = np.column_stack([pixels, pixels - off, np.linalg.norm(off, axis=1)]).tolist()
+    for row in np.flatnonzero(np.isfinite(off).all(axis=1)).tolist():
+        yield row, numbers[row]

@@ -18,7 +18,7 @@ from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.font_manager import FontProperties
 from matplotlib.path import Path
 from matplotlib.text import Text
-from matplotlib.ticker import FixedFormatter, NullFormatter
+from matplotlib.ticker import FixedFormatter, NullFormatter, NullLocator
 from matplotlib.transforms import Bbox, IdentityTransform
 from numpy.typing import NDArray
 
@@ -30,6 +30,18 @@ _LOOKS = {"fontsize": "labelsize", "rotation": "labelrotation", "color": "labelc
 _DRAWN = ("tick", "label")
 _LINE = 1.2
 """From line to line of a label, in heights of a line: Matplotlib's."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """Where ticks are."""
+
+    values: NDArray
+    """All that there are, shown or not. Shape (n,)."""
+    shown: NDArray
+    """Whether each is within what is shown. Shape (n,)."""
+    at: NDArray
+    """Along the axis [dots]. Shape (n,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +86,8 @@ class _TicksAtOnce:
         self: Any, ticks: Any, renderer: RendererBase
     ) -> tuple[list[Bbox], list[Bbox]]:
         """Return the bounds of labels at the low and at the high side."""
-        low, high = ([one.box for one in self._labels(side, renderer)] for side in (1, 2))
+        places = self._places("major")
+        low, high = ([one.box for one in self._labels(side, renderer, places)] for side in (1, 2))
         return low, high
 
     def set_ticklabels(
@@ -90,9 +103,11 @@ class _TicksAtOnce:
         if not self.get_visible():
             return
         renderer.open_group("matplotlib.axis", gid=self.get_gid())
-        for which in ("minor", "major"):
-            self._draw_lines(renderer, which)
-        self._draw_labels(renderer)
+        places = self._places("major")
+        if not isinstance(self.get_minor_locator(), NullLocator):
+            self._draw_lines(renderer, "minor", self._places("minor"))
+        self._draw_lines(renderer, "major", places)
+        self._draw_labels(renderer, places)
         self._update_label_position(renderer)
         self.label.draw(renderer)
         offset = self.major.formatter.get_offset()
@@ -134,11 +149,10 @@ class _TicksAtOnce:
         """Return a length that is set in points [dots]."""
         return float(self._set(which, key)) * self.figure.dpi / 72.0
 
-    def _places(self: Any, which: str) -> tuple[NDArray, NDArray]:
-        """Return where ticks are within what is shown: as values, and along the axis [dots]."""
-        locator = self.get_major_locator() if which == "major" else self.get_minor_locator()
+    def _places(self: Any, which: str) -> _Places:
+        """Return where ticks are."""
         found = self.get_majorticklocs() if which == "major" else self.get_minorticklocs()
-        values = np.asarray(found if locator is not None else [], dtype=float)
+        values = np.asarray(found, dtype=float)
         low, high = sorted(self.get_transform().transform(np.array(self.get_view_interval())))
         at = self.get_transform().transform(values)
         slack = 1e-10 * (high - low)
@@ -146,7 +160,7 @@ class _TicksAtOnce:
         points = np.zeros((len(values), 2))
         points[:, self.across] = values
         transform = (self.axes.get_xaxis_transform, self.axes.get_yaxis_transform)[self.across]
-        return shown, transform("tick1").transform(points)[:, self.across]
+        return _Places(values, shown, transform("tick1").transform(points)[:, self.across])
 
     @property
     def _upright(self: Any) -> bool:
@@ -157,9 +171,8 @@ class _TicksAtOnce:
         """Return where the two sides are at which ticks stand [dots]."""
         return self.axes.bbox.get_points()[:, 1 - self.across]
 
-    def _draw_lines(self: Any, renderer: RendererBase, which: str) -> None:
-        shown, at = self._places(which)
-        at, edges = at[shown], self._edges()
+    def _draw_lines(self: Any, renderer: RendererBase, which: str, places: _Places) -> None:
+        at, edges = places.at[places.shown], self._edges()
         if self._asked(which, "gridOn", False):
             look = (f"grid_{part}" for part in ("color", "linewidth"))
             look = (self._asked(which, name, rcParams[name.replace("_", ".")]) for name in look)
@@ -188,19 +201,20 @@ class _TicksAtOnce:
         renderer.draw_path(pen, Path(ends.reshape(-1, 2), codes), IdentityTransform())
         pen.restore()
 
-    def _labels(self: Any, side: int, renderer: RendererBase) -> Iterator[_Label]:
+    def _labels(self: Any, side: int, renderer: RendererBase, places: _Places) -> Iterator[_Label]:
         """Yield the labels that are written at a side, 1 low and 2 high."""
         if not self._asked("major", f"label{side}On", side == 1):
             return
-        shown, at = self._places("major")
-        words = np.array(self.major.formatter.format_ticks(self.get_majorticklocs()), dtype=object)
+        words = np.array(self.major.formatter.format_ticks(places.values), dtype=object)
         dot = self.figure.dpi / 72.0
         font = FontProperties(size=self._set("major", "labelsize"))
         size = font.get_size_in_points() * dot
         upright, (up, down) = self._upright, (size * part for part in ascent_and_descent())
         off = self._reach("major", "size") + self._reach("major", "pad")
         edge = self._edges()[side - 1] + off * (2 * side - 3)
-        for place, text, higher in self._lines(at[shown], words[shown], side, up + down):
+        for place, text, higher in self._lines(
+            places.at[places.shown], words[places.shown], side, up + down
+        ):
             along = size * width_of(text)
             if isinstance(renderer, RendererAgg):  # whose dots widen letters
                 along = renderer.get_text_width_height_descent(text, font, False)[0]
@@ -229,7 +243,7 @@ class _TicksAtOnce:
                 if line:
                     yield place, line, _LINE * tall * (first * (len(lines) - 1) - k)
 
-    def _draw_labels(self: Any, renderer: RendererBase) -> None:
+    def _draw_labels(self: Any, renderer: RendererBase, places: _Places) -> None:
         font = FontProperties(size=self._set("major", "labelsize"))
         top = renderer.get_canvas_width_height()[1]
         pen = renderer.new_gc()
@@ -237,7 +251,7 @@ class _TicksAtOnce:
         for side in (1, 2):
             where = "center" if self.across == 0 else ("right", "left")[side - 1]
             anchor = Text(horizontalalignment=where)
-            for label in self._labels(side, renderer):
+            for label in self._labels(side, renderer, places):
                 anchor.set_position(label.anchor)
                 y = top - label.low if renderer.flipy() else label.low
                 angle = 90.0 if self._upright else 0.0

@@ -5,6 +5,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from nico_selfmodel.viz.figures.layout.plain_axis import PlainAxes
+from nico_selfmodel.viz.figures.layout.plain_canvas import PlainCanvas
 from nico_selfmodel.viz.figures.layout.single_pass_layout import SinglePassLayout
 
 
@@ -14,6 +15,7 @@ class PlainFigure(Figure):
     def __init__(self, *args: Any, **options: Any) -> None:
         """Begin a figure, with the options of matplotlib's."""
         super().__init__(*args, layout=SinglePassLayout(), **options)
+        PlainCanvas(self)  # which becomes the figure's
 
     def add_subplot(self, *args: Any, **options: Any) -> Any:
         """Add a panel to a grid."""

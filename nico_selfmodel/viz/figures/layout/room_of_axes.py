@@ -5,14 +5,12 @@ longer than drawing. Here each axis does so once, and its label is fixed where M
 it: `labelpad` beyond ticks and tick labels (`plain_axis`).
 """
 
-import io
 from collections.abc import Iterator
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backend_bases import RendererBase
-from matplotlib.backends.backend_svg import RendererSVG
 from matplotlib.figure import Figure
 from matplotlib.spines import Spine
 from matplotlib.text import Text
@@ -22,10 +20,7 @@ from matplotlib.transforms import Bbox, ScaledTranslation
 def measuring(figure: Figure) -> RendererBase:
     """Return what measures the text of a figure, at its present size of a dot."""
     canvas: Any = figure.canvas
-    if hasattr(canvas, "get_renderer"):
-        return canvas.get_renderer()
-    # Asked for a renderer, a figure begins a picture anew each time.
-    return RendererSVG(figure.bbox.width, figure.bbox.height, io.StringIO())
+    return canvas.get_renderer()
 
 
 def bounds_in_points(figure: Figure) -> dict[Axes, Bbox]:

@@ -9,15 +9,15 @@ from matplotlib.ft2font import FT2Font, LoadFlags
 _SIZE = 64.0
 
 
-def width_of(text: str) -> float:
+def width_of(text: str, weight: str | int = "normal") -> float:
     """Return the width of a line of text, in sizes of its font."""
-    return sum(map(_advance, text))
+    return sum(_advance(letter, weight) for letter in text)
 
 
 @cache
 def ascent_and_descent() -> tuple[float, float]:
     """Return how far letters reach above their line and below it, in sizes of the font."""
-    font = _font()
+    font = _font("normal")
     font.set_text("lp", 0.0)
     tall = font.get_width_height()[1] / 64.0
     below = font.get_descent() / 64.0
@@ -25,14 +25,14 @@ def ascent_and_descent() -> tuple[float, float]:
 
 
 @cache
-def _advance(letter: str) -> float:
-    font = _font()
+def _advance(letter: str, weight: str | int) -> float:
+    font = _font(weight)
     # Index 0 is what is drawn in place of letters that the font does not have.
     glyph = font.load_glyph(font.get_char_index(ord(letter)), flags=LoadFlags.NO_HINTING)
     return glyph.linearHoriAdvance / 65536.0 / _SIZE
 
 
-def _font() -> FT2Font:
-    font = get_font(findfont(FontProperties(family=rcParams["font.family"])))
+def _font(weight: str | int) -> FT2Font:
+    font = get_font(findfont(FontProperties(family=rcParams["font.family"], weight=weight)))
     font.set_size(_SIZE, 72.0)
     return font
