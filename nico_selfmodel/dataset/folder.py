@@ -1,12 +1,13 @@
 """A data set as a folder: `dataset.yaml` beside `samples.csv`."""
 
 import hashlib
+import warnings
 from os import PathLike
 from pathlib import Path
 
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.metadata_file import metadata_text, read_metadata
-from nico_selfmodel.dataset.plausibility import check_as_read, check_plausible
+from nico_selfmodel.dataset.plausibility import check_as_read
 from nico_selfmodel.dataset.samples_file import read_samples, samples_pieces, samples_text
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.folder_contents import found_at
@@ -67,12 +68,14 @@ def save_dataset(dataset: Dataset, folder: str | PathLike[str], force: bool = Fa
 
     Raises:
         DataError: If the folder exists (without `force`) or holds no data set, cannot be written,
-            or the data could not be loaded again.
+            or the data could not be loaded again, for what `load_dataset` refuses.
         ValueError: If `cameras` holds something that is not plain data.
     """
     folder = real_path(folder)
     _check_target(folder, force)
-    check_plausible(dataset, str(folder))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # whoever loads it is warned
+        check_as_read(dataset, str(folder))
     texts = {METADATA_NAME: metadata_text(dataset), SAMPLES_NAME: samples_text(dataset)}
     try:
         with folder_in_place_of(folder, keep_others=True) as fresh:

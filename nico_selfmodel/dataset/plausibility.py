@@ -13,7 +13,9 @@ from nico_selfmodel.errors import DataError
 from nico_selfmodel.names import listed
 
 MAX_SPREAD_M = 20.0
-"""Points that lie further apart were not measured in metres [m]."""
+"""Points that lie further apart were hardly measured in metres, unless by a crane [m] ..."""
+_NO_MACHINE_M = 100.0
+"""... and those that lie even further apart were not: as millimetres they suit any arm [m]."""
 # An arm whose points stay within this was hardly measured in metres.
 _MIN_SPREAD_M = 2e-3
 MAX_TURN_RAD = 4.0 * np.pi
@@ -35,12 +37,12 @@ def check_as_read(dataset: Dataset, place: str) -> None:
         place: The file, for messages.
 
     Raises:
-        DataError: As `check_plausible`, or if many rows are copies.
+        DataError: As `_check_plausible`, or if many rows are copies.
 
     Warns:
         UserWarning: As `_warn_of_units` and `warn_of_outside`.
     """
-    check_plausible(dataset, place)
+    _check_plausible(dataset, place)
     measured = np.hstack([dataset.p_WH_measured, dataset.pixels])
     seen = np.isfinite(measured).any(axis=1)
     for own in np.split(dataset.pixels, 2, axis=1):
@@ -107,7 +109,7 @@ def warn_of_outside(pixels: NDArray, size: tuple[int, int] | None, what: str) ->
         )
 
 
-def check_plausible(dataset: Dataset, place: str) -> None:
+def _check_plausible(dataset: Dataset, place: str) -> None:
     """Refuse data that are well formed but cannot be what they say.
 
     Args:
@@ -115,7 +117,7 @@ def check_plausible(dataset: Dataset, place: str) -> None:
         place: The file, for messages.
 
     Raises:
-        DataError: If nothing was measured, points spread over more than 20 m, a sweep did not
+        DataError: If nothing was measured, points spread over more than 100 m, a sweep did not
             move its joint, or moved another joint more.
     """
     seen = dataset.measured
@@ -127,14 +129,32 @@ def check_plausible(dataset: Dataset, place: str) -> None:
     points = dataset.p_WH_measured[seen]
     if len(points):
         # The largest coordinate serves as well, and cannot overflow.
-        spread = np.abs(points - np.median(points, axis=0)).max()
-        if spread > MAX_SPREAD_M:
-            raise DataError(
-                f"{place}: points spread over {spread:.4g} m: were millimetres given as metres?"
-                f" {', '.join(POINT_COLUMNS)} are metres"
-            )
+        spread = float(np.abs(points - np.median(points, axis=0)).max())
+        check_spread(f"{place}: points spread over", spread, f"{', '.join(POINT_COLUMNS)} are")
     for joint in range(len(dataset.joints)):
         _check_sweep_moved(dataset, joint, place)
+
+
+def check_spread(what: str, spread: float, which: str) -> None:
+    """Refuse places that lie further apart than any machine is large; warn of a very large one.
+
+    Args:
+        what: Of what it is, for the message.
+        spread: How far from their middle places lie [m].
+        which: Numbers that are metres, and their verb, for the message.
+
+    Raises:
+        DataError: If that is more than 100 m.
+
+    Warns:
+        UserWarning: If it is more than 20 m.
+    """
+    if spread <= MAX_SPREAD_M:
+        return
+    words = f"{what} {spread:.4g} m: were millimetres given as metres? {which} metres"
+    if spread > _NO_MACHINE_M:
+        raise DataError(words)
+    warnings.warn(f"{words}, and a machine of that size is taken for one", stacklevel=5)
 
 
 def _warn_of_units(dataset: Dataset, place: str) -> None:

@@ -402,3 +402,13 @@ def test_the_files_are_plain_to_read(dataset, tmp_path):
     }  # fmt: skip
     header = (tmp_path / "data" / "samples.csv").read_text().splitlines()[0]
     assert header == "sample,sweep,marker,encoder.shoulder,encoder.elbow,x_m,y_m,z_m,note"
+
+
+def test_nothing_is_saved_that_could_not_be_loaded_again(folder, tmp_path):
+    data = load_dataset(folder(SAMPLES))
+    joints = tuple(JointInfo(joint.name, "rad") for joint in data.joints)
+    degrees = np.where(np.arange(len(data))[:, None] < 2, 90.0, 0.1 * (1.0 + data.encoders % 7.0))
+    wrong = replace(data, joints=joints, encoders=degrees, sweep=None)
+    with pytest.raises(DataError, match="were degrees given as radians there"):
+        save_dataset(wrong, tmp_path / "again")
+    assert not (tmp_path / "again").exists()

@@ -1,5 +1,6 @@
 """Recordings of bodies that cannot be what they say are refused when they are read."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -144,3 +145,34 @@ def test_joints_that_turn_many_times_are_taken(tmp_path):
     turns = np.linspace(-40.0, 40.0, 12)[:, None] * np.ones(len(data.joints))
     with pytest.warns(UserWarning, match="12.7 turns"):
         read_back(replace(data, readings=turns), tmp_path)
+
+
+def test_nothing_is_saved_that_could_not_be_loaded_again(tmp_path):
+    data = one_arm(1, poses=6, markers=2).data
+    rows = np.append(np.arange(len(data.observations)), 4)
+    far = longer(data, np.arange(len(data.observations)), [0, 1, 2])
+    for wrong, why in ((data.of_rows(rows), "line 14, .* as line 6"), (far, "were millimetres")):
+        with pytest.raises(DataError, match=why):
+            save_body_dataset(wrong, tmp_path / "data")
+        assert not (tmp_path / "data").exists()
+
+
+def test_what_a_crane_does_is_taken_with_a_warning(tmp_path):
+    """Points within 100 m of their middle: more is no machine, less than 20 m needs no word."""
+    data = one_arm(1, poses=6).data
+    places = data.observations.values[:, :3]
+    reach = np.abs(places - np.median(places, axis=0)).max()
+
+    def of_size(metres):
+        values = data.observations.values.copy()
+        values[:, :3] *= metres / reach
+        return replace(data, observations=replace(data.observations, values=values))
+
+    for metres in (21.0, 99.0):
+        with pytest.warns(UserWarning, match="were millimetres given as metres"):
+            read_back(of_size(metres), tmp_path / f"{metres}")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_back(of_size(19.0), tmp_path / "19")
+    with pytest.raises(DataError, match=r"up to 101 m: were millimetres given as metres"):
+        read_back(of_size(101.0), tmp_path / "101")

@@ -49,7 +49,7 @@ def test_an_encoder_that_jumped_is_named_with_how_far_and_when(truth, data):
     counts = np.radians(2.0) * truth.servos.gear[2] * 10000.0 / (2.0 * np.pi)
     jumped = data.encoders + late(data) * np.array([0.0, 0.0, round(counts), 0.0])
     words = reason(replace(data, encoders=jumped))
-    assert "the encoder of joint_2 jumped by about 2" in words
+    assert "the encoder of 'joint_2' jumped by about 2" in words
     assert any(f"after sample {k}:" in words for k in (39, 40, 41))
 
 
@@ -142,7 +142,7 @@ def test_a_jump_that_joint_noise_took_for_its_own_is_told_by_what_it_explains():
     recording = random_recording("encoder jump", 6115, fresh=1)
     train, _ = recording.dataset.split(0.3, 1)
     result = calibrate_kinematics(train, explain=False)
-    assert "the encoder of j1 jumped by about 2.8 deg after sample 18" in reason_of(result)
+    assert "the encoder of 'j1' jumped by about 2.8 deg after sample 18" in reason_of(result)
 
 
 def reason_of(result) -> str:

@@ -148,7 +148,13 @@ def _calibrate(
     from nico_selfmodel.dataset.folder import load_dataset
 
     if choices.model is None:
-        load_dataset(dataset)  # says what it is instead
+        data = load_dataset(dataset)  # says what it is instead
+        if data.measured.any():
+            raise ValueError(
+                f"{dataset} has points of an arm that a tracker measured: learn it with "
+                "`nico-selfmodel calibrate kinematics`, or make a recording of any body of it with "
+                "`nico-selfmodel convert`"
+            )
         raise ValueError(f"{dataset} is of an arm and two cameras: give them with --model")
     from nico_selfmodel.estimation.bending.what_bends import effects_of, up_of
     from nico_selfmodel.estimation.body.body import calibrate_body

@@ -1,6 +1,7 @@
 """A recording of a body as a folder: `dataset.yaml`, `poses.csv`, `observations.csv`."""
 
 import hashlib
+import warnings
 from collections.abc import Sequence
 from itertools import chain
 from os import PathLike
@@ -111,10 +112,19 @@ def save_body_dataset(
         force: Replace what is there.
 
     Raises:
-        DataError: If the folder exists (without `force`) or cannot be written.
+        DataError: If the folder exists (without `force`) or cannot be written, or the recording
+            could not be loaded again, for what `load_body_dataset` refuses.
     """
     folder = real_path(folder)
     refuse_existing(folder, force=force)
+    lines = range(2, len(data.observations) + 2)
+    _refuse_copies(data.observations, folder / FILES[2], lines)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # whoever loads it is warned
+            check_plausible_body(data)
+    except DataError as error:
+        raise DataError(f"{folder}: {error}") from None
     texts = (_head_text(data), _poses_text(data), _observations_text(data))
     try:
         with folder_in_place_of(folder, keep_others=True) as fresh:
@@ -246,11 +256,11 @@ def _read_observations(
             values[own, k] = columns[name][own]
     mirrors = table.texts("mirror") if "mirror" in table.columns else np.full(len(table), "")
     found = ObservationTable(_samples_of(table, sample), sensor, marker, other, values, mirrors)
-    _refuse_copies(table, found)
+    _refuse_copies(found, table.path, table.lines)
     return found
 
 
-def _refuse_copies(table: CsvTable, found: ObservationTable) -> None:
+def _refuse_copies(found: ObservationTable, path: Path, lines: Sequence[int]) -> None:
     """Refuse a row that stands there twice: it would count as two that were measured."""
     mirror = np.unique(found.mirror, return_inverse=True)[1]
     who = [found.pose, found.sensor, found.marker, found.other, mirror]
@@ -261,8 +271,8 @@ def _refuse_copies(table: CsvTable, found: ObservationTable) -> None:
     if len(copies):
         copy = int(copies[0])
         raise DataError(
-            f"{table.where(copy, 'sample')}: the row is the same, to the last digit, as line "
-            f"{table.lines[int(original[copy])]}: it would count twice, leave one out"
+            f"{path}, line {lines[copy]}, column 'sample': the row is the same, to the last digit, "
+            f"as line {lines[int(original[copy])]}: it would count twice, leave one out"
         )
 
 

@@ -8,11 +8,14 @@ from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES
 from nico_selfmodel.dataset.plausibility import (
     MAX_SPREAD_M,
     check_radians,
+    check_spread,
     refuse_copies,
     warn_of_outside,
 )
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC
+
+_LENGTHS = "Lengths are"
 
 
 def check_plausible_body(data: BodyDataset) -> None:
@@ -22,11 +25,13 @@ def check_plausible_body(data: BodyDataset) -> None:
         data: The recording.
 
     Raises:
-        DataError: If places or distances spread over more than 20 m, a rotation vector turns by
-            more than a whole turn, some samples are in degrees, or many observations are copies.
+        DataError: If places spread over more than 100 m, distances or markers of known place over
+            more than 20 m, a rotation vector turns by more than a whole turn, some samples are in
+            degrees, or many observations are copies.
 
     Warns:
-        UserWarning: If a joint read in `rad` turned by more than two whole turns.
+        UserWarning: If places spread over more than 20 m, or a joint read in `rad` turned by more
+            than two whole turns.
     """
     table = data.observations
     for s, sensor in enumerate(data.sensors):
@@ -35,16 +40,16 @@ def check_plausible_body(data: BodyDataset) -> None:
             continue
         what = f"what sensor {sensor.name!r} measured"
         if sensor.kind == DISTANCE:
-            _check_lengths(what, own[:, 0])
+            _check_stated(what, float(np.abs(own[:, 0]).max()))
         if sensor.kind in (POINTS, POSES):
-            _check_lengths(what, _from_middle(own[:, :3]))
+            check_spread(f"{what}: up to", _from_middle(own[:, :3]), _LENGTHS)
         if sensor.kind == CAMERA:
             warn_of_outside(own[:, :2], sensor.image_size, what)
         if sensor.kind == POSES:
             _check_turns(f"orientations of sensor {sensor.name!r}", own[:, 3:6])
     xyz = np.array([marker.xyz for marker in data.markers if marker.xyz is not None])
     if len(xyz):
-        _check_lengths("'xyz' of markers", _from_middle(xyz))
+        _check_stated("'xyz' of markers", _from_middle(xyz))
     there = (table.pose != ANY_POSE) & np.isfinite(table.values).any(axis=1)
     pose = table.pose[there]
     told = [
@@ -56,27 +61,26 @@ def check_plausible_body(data: BodyDataset) -> None:
     for i, joint in enumerate(data.joints):
         if joint.motion == FLANGE:
             assert data.flanges is not None
-            _check_lengths(f"places of flange {joint.name!r}", _from_middle(data.flanges[:, i, :3]))
+            middle = _from_middle(data.flanges[:, i, :3])
+            check_spread(f"places of flange {joint.name!r}: up to", middle, _LENGTHS)
             _check_turns(f"orientations of flange {joint.name!r}", data.flanges[:, i, 3:])
         elif joint.motion == PRISMATIC and joint.is_read and joint.counts_per_turn is None:
-            _check_lengths(
-                f"readings of joint {joint.name!r}", _from_middle(data.si_readings[:, i])
-            )
+            middle = _from_middle(data.si_readings[:, i])
+            check_spread(f"readings of joint {joint.name!r}: up to", middle, _LENGTHS)
     in_rad = [i for i, j in enumerate(data.joints) if j.is_read and j.encoder_unit == "rad"]
     names = [data.joints[i].name for i in in_rad]
     check_radians(names, data.readings[:, in_rad], data.sample, "poses.csv")
 
 
-def _from_middle(places: NDArray) -> NDArray:
-    """Return places from where most of them are: the origin may be anywhere."""
-    return np.asarray(places - np.median(places, axis=0))
+def _from_middle(places: NDArray) -> float:
+    """Return how far places lie from where most of them are: the origin may be anywhere."""
+    return float(np.abs(places - np.median(places, axis=0)).max())
 
 
-def _check_lengths(what: str, lengths: NDArray) -> None:
-    spread = float(np.abs(lengths).max())
+def _check_stated(what: str, spread: float) -> None:
     if spread > MAX_SPREAD_M:
         raise DataError(
-            f"{what}: up to {spread:.4g} m: were millimetres given as metres? Lengths are metres"
+            f"{what}: up to {spread:.4g} m: were millimetres given as metres? {_LENGTHS} metres"
         )
 
 

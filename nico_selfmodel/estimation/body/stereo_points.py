@@ -12,16 +12,23 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
 from nico_selfmodel.estimation.body.body_initialization import in_left_camera, reconstructed
+from nico_selfmodel.estimation.body.sights_apart import SightsApart
 from nico_selfmodel.estimation.noise.arm_solution import Linearised
 from nico_selfmodel.estimation.noise.hand_observations import covariance_of
 from nico_selfmodel.estimation.noise.training_noise import with_training_noise
 from nico_selfmodel.estimation.observations.hand_rows import project_to_cameras
+from nico_selfmodel.estimation.observations.matching import check_images
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.pixel_evaluation import (
     PixelEvaluation,
     evaluate_pixels,
 )
-from nico_selfmodel.estimation.results.calibration_result import CalibrationResult
+from nico_selfmodel.estimation.results.calibration_result import (
+    LAST,
+    WARNING,
+    CalibrationResult,
+    Finding,
+)
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
@@ -37,7 +44,9 @@ class StereoPoints:
     test: Dataset | None
     """The same, held out."""
     pixels: dict[str, Dataset]
-    """What was seen, under `train` and, if held out, `test`."""
+    """What was seen, under `train` and, if held out, `test`; without sights that do not meet."""
+    sights: dict[str, SightsApart]
+    """Whether the sights of both cameras meet, in the same parts."""
 
     @classmethod
     def of(
@@ -56,15 +65,20 @@ class StereoPoints:
             pinned: Parameters of the arm that are known.
 
         Raises:
-            DataError: If too few poses were seen by both cameras.
+            DataError: If too few poses were seen by both cameras, or most of their sights do not
+                meet.
             ModelError: If the model has not both cameras.
         """
         seeing = in_left_camera(cameras)
-        seen = {"train": train} | ({} if test is None else {"test": test})
-        points = {"train": reconstructed(train, seeing, pinned)}
+        parts = {"train": train} | ({} if test is None else {"test": test})
+        for data in parts.values():
+            check_images(seeing, data)
+        sights = {part: SightsApart.of(data, seeing.rig) for part, data in parts.items()}
+        seen = {part: sights[part].without(data) for part, data in parts.items()}
+        points = {"train": reconstructed(seen["train"], seeing, pinned)}
         if test is not None:
-            points["test"] = reconstructed(test, seeing, None)
-        return cls(seeing, points["train"], points.get("test"), seen)
+            points["test"] = reconstructed(seen["test"], seeing, None)
+        return cls(seeing, points["train"], points.get("test"), seen, sights)
 
     def complete(self, calibration: KinematicCalibration) -> KinematicCalibration:
         """Return an arm's calibration with the cameras in its self-model.
@@ -128,12 +142,20 @@ class StereoPoints:
         return evaluate_pixels(model, self.pixels[part])
 
     def with_pixels(self, result: CalibrationResult, model: SelfModel) -> CalibrationResult:
-        """Return an arm's result with the errors in the images beside those in space."""
+        """Return an arm's result with errors in the images, and what the sights of both tell."""
         known = {"train": result.train, "test": result.test}
         for part in self.pixels:
             errors, pixels = known[part], self.evaluate(model, part).pixel_distances
             known[part] = errors if errors is None else replace(errors, pixels=pixels)
-        return replace(result, **known)
+        told = self.sights["train"].findings()
+        if "test" in self.sights:
+            told += [_held_out(finding) for finding in self.sights["test"].findings()]
+        return replace(result, findings=(*result.findings, *told), **known)
+
+
+def _held_out(finding: Finding) -> Finding:
+    severity = WARNING if finding.severity == WARNING else LAST
+    return Finding(severity, f"held out: {finding.text}")
 
 
 def _together(

@@ -190,35 +190,59 @@ class _Candidate:
     """Of the change, in the parameters' own units."""
 
 
+def verb(drift: bool, at_once: str = "moved") -> str:
+    """Return what something did that changed."""
+    return "drifted" if drift else at_once
+
+
+def encoder_words(joint: str, slides: bool = False) -> Words:
+    """Return what is said of a joint's readings that changed [rad], [m] of one that slides."""
+
+    def words(size: NDArray, drift: bool) -> str:
+        far = abs(float(size[0]))
+        told = f"{1e3 * far:.2g} mm" if slides else f"{np.degrees(far):.2g} deg"
+        return f"the encoder of {joint!r} {verb(drift, 'jumped')} by about {told}"
+
+    return words
+
+
+def mirror_words(mirror: str) -> Words:
+    """Return what is said of a plane whose two tilts [rad] and distance [m] changed."""
+
+    def words(size: NDArray, drift: bool) -> str:
+        far, turn = 1e3 * abs(float(size[2])), np.degrees(np.linalg.norm(size[:2]))
+        return f"mirror {mirror!r} {verb(drift)} by about {far:.2g} mm and {turn:.2g} deg"
+
+    return words
+
+
 def _groups(parameters: DhParameters, names: tuple[str, ...]) -> Iterator[tuple[Words, list[int]]]:
     """Yield what may change together, with its words."""
     for joint, gear in zip(parameters.table.joints, parameters.servos.gear, strict=True):
+        words = encoder_words(joint)
 
-        def jumped(size: NDArray, drift: bool, joint: str = joint, gear: float = gear) -> str:
-            verb = "drifted" if drift else "jumped"
-            degrees = float(np.degrees(abs(size[0]) / gear))
-            return f"the encoder of {joint} {verb} by about {degrees:.2g} deg"
+        def jumped(size: NDArray, drift: bool, words: Words = words, gear: float = gear) -> str:
+            return words(size / gear, drift)
 
         yield jumped, [names.index(f"{joint}.theta_offset")]
     for marker in parameters.table.markers:
 
         def slipped(size: NDArray, drift: bool, marker: str = marker) -> str:
-            verb = "wandered" if drift else "slipped"
+            did = "wandered" if drift else "slipped"
             length = 1e3 * float(np.linalg.norm(size))
-            return f"marker {marker} {verb} on the hand by about {length:.2g} mm"
+            return f"marker {marker} {did} on the hand by about {length:.2g} mm"
 
         yield slipped, [names.index(f"hand.{marker}.{axis}") for axis in "xyz"]
 
     def moved(size: NDArray, drift: bool) -> str:
         listed = ", ".join(f"{value:.2g}" for value in 1e3 * size)
-        verb = "drifted" if drift else "moved"
-        return f"tracker or base {verb} by about ({listed}) mm"
+        return f"tracker or base {verb(drift)} by about ({listed}) mm"
 
     yield moved, [names.index(f"M0.{axis}") for axis in "xyz"]
 
     def turned(size: NDArray, drift: bool) -> str:
-        verb = "drifted" if drift else "turned"
-        return f"tracker or base {verb} by about {np.degrees(np.linalg.norm(size)):.2g} deg"
+        degrees = np.degrees(np.linalg.norm(size))
+        return f"tracker or base {verb(drift, 'turned')} by about {degrees:.2g} deg"
 
     yield turned, [names.index(f"M0.{axis}") for axis in ("rx", "ry", "rz")]
 

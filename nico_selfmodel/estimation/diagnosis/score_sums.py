@@ -112,13 +112,16 @@ class ScoreSums:
         starts = np.unique(np.linspace(0, len(last), most, endpoint=False).astype(int))
         span_of = np.searchsorted(starts, np.arange(len(last)), "right") - 1
         s, plain, h = _sums_of_spans(U, w, full, span_of[visit], len(starts))
-        information, pull = h.sum(axis=0)[np.ix_(free, free)], np.zeros(len(free))
+        told = h.sum(axis=0)[np.ix_(free, free)]
+        information, pull = told, np.zeros(len(free))
         if prior is not None:
-            information, pull = information + prior[0].T @ prior[0], prior[0].T @ prior[1]
+            information, pull = told + prior[0].T @ prior[0], prior[0].T @ prior[1]
         inverse = np.linalg.pinv(information, rcond=1e-10, hermitian=True)
         score = s.sum(axis=0)[free] + pull
         rest = float(np.sum(w**2) - score @ inverse @ score)
-        variance = max(rest / max(left.residuals.size - len(free), 1), np.finfo(float).tiny)
+        # What a prior holds takes nothing from the residuals.
+        taken = float(np.sum(inverse * told))
+        variance = max(rest / max(left.residuals.size - taken, 1.0), np.finfo(float).tiny)
         ends = last[np.append(starts[1:], len(last)) - 1]
         span = span_of[left.visit]
         return cls(left, span, free, s, plain, h, inverse, pull, variance, ends, single is not None)

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,10 @@ from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.held_out import held_out_of
 from nico_selfmodel.errors import DataError, NotIdentifiableError
+from nico_selfmodel.estimation.diagnosis.changes_in_time import Change
 from nico_selfmodel.estimation.diagnosis.flatness import Flatness
 from nico_selfmodel.estimation.mirrors.mirror_cameras import fit_mirror_cameras
+from nico_selfmodel.estimation.mirrors.mirror_changes import change_of_mirrors
 from nico_selfmodel.estimation.mirrors.mirror_checks import (
     misplaced_rows,
     require_reflections,
@@ -70,6 +73,11 @@ class MirrorCalibration:
         """What was learned, by name."""
         names = self.solution.reflections.mirrors
         return dict(zip(names, self.solution.mirrors, strict=True))
+
+    @cached_property
+    def change(self) -> Change | None:
+        """What changed while the reflections were recorded."""
+        return change_of_mirrors(self.solution, self.model.joints)
 
     @property
     def covariance(self) -> ParameterCovariance | None:

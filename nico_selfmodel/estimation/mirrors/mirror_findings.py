@@ -31,8 +31,11 @@ def mirror_findings(calibration: MirrorCalibration) -> tuple[Finding, ...]:
     Args:
         calibration: What was learned.
     """
+    change = calibration.change
+    moved = None if change is None else change.reason
     failures = [
-        *bent_reasons(calibration.flatness),
+        # A mirror at two places is flat at neither.
+        *([moved] if moved else bent_reasons(calibration.flatness)),
         *_behind_reasons(calibration),
         *_grazing_reasons(calibration),
         _misfit_reason(calibration),
@@ -75,7 +78,8 @@ def judged(calibration: MirrorCalibration, verdict: Verdict) -> MirrorCalibratio
 
 def _warnings(calibration: MirrorCalibration) -> tuple[str, ...]:
     """Say in words what the data cannot support, though nothing fails."""
-    words, solution = [], calibration.solution
+    solution, change = calibration.solution, calibration.change
+    words = [change.warning] if change is not None and change.warning else []
     for m, (name, mirror) in enumerate(calibration.mirrors.items()):
         rows = (solution.reflections.mirror == m) & ~solution.outliers
         points = solution.reflections.p_LQ[rows]

@@ -18,8 +18,11 @@ from nico_selfmodel.estimation.diagnosis.changes_in_time import (
     FEWEST_VISITS,
     Change,
     Words,
+    encoder_words,
     likeliest_change,
+    mirror_words,
     mixed_in_time,
+    verb,
 )
 from nico_selfmodel.estimation.diagnosis.score_sums import CourseFound, Left, ScoreSums
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
@@ -131,7 +134,7 @@ def _changes(
     for k, (i, part) in enumerate(seen.noisy_joints):
         motion, name = data.joints[i].motion, data.joints[i].name
         if motion not in WHOLE_POSES and not part:
-            yield _encoder(name, motion == PRISMATIC), [linear.by_joint[:, k]]
+            yield encoder_words(name, motion == PRISMATIC), [linear.by_joint[:, k]]
     table, count = data.observations, len(data.markers)
     told = np.bincount(table.marker[(table.pose != ANY_POSE) & ~outliers], minlength=count)
     fixed = np.array([data.on_link(marker.on) < 0 for marker in data.markers])
@@ -147,20 +150,7 @@ def _changes(
         yield _moved(f"sensor {rows.name!r}"), [linear.J[index[name]] for name in names]
     for mirror in base.mirrors:
         columns = [linear.J[index[name]] for name in mirror.names]
-        yield (lambda size, drift, name=mirror.name: f"mirror {name!r} {_verb(drift)}"), columns
-
-
-def _verb(drift: bool, at_once: str = "moved") -> str:
-    return "drifted" if drift else at_once
-
-
-def _encoder(name: str, slides: bool) -> Words:
-    def words(size: NDArray, drift: bool) -> str:
-        far = abs(float(size[0]))
-        told = f"{1e3 * far:.2g} mm" if slides else f"{np.degrees(far):.2g} deg"
-        return f"the encoder of {name!r} {_verb(drift, 'jumped')} by about {told}"
-
-    return words
+        yield mirror_words(mirror.name), columns
 
 
 def _shifted(what: str) -> Words:
@@ -174,6 +164,6 @@ def _shifted(what: str) -> Words:
 def _moved(what: str) -> Words:
     def words(size: NDArray, drift: bool) -> str:
         far, turn = 1e3 * np.linalg.norm(size[:3]), np.degrees(np.linalg.norm(size[3:]))
-        return f"{what} {_verb(drift)} by about {far:.2g} mm and {turn:.2g} deg"
+        return f"{what} {verb(drift)} by about {far:.2g} mm and {turn:.2g} deg"
 
     return words
