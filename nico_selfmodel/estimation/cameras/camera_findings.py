@@ -99,7 +99,7 @@ def _rival_lens(assessment: CameraAssessment) -> list[Finding]:
         return []
     if (lens, rival) == (RATIONAL, POLYNOMIAL):  # a polynomial is a rational lens, too
         text = f"a {rival} lens, which --lens auto takes, explains these boards as well"
-        return findings(WARNING, [f"{text} with three numbers fewer"])
+        return findings(WARNING, [f"{text} with fewer numbers"])
     text = f"these boards do not tell the {lens} lens that was asked for from a {rival} one"
     return findings(
         OPEN,
