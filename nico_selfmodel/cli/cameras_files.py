@@ -25,11 +25,16 @@ def export_cameras(
     from nico_selfmodel.model.self_model_file import load_model
 
     refuse_folder(out, force=force, inputs=[model])
-    texts = camera_texts(load_model(model).cameras, format)
+    cameras = load_model(model).cameras
+    texts = camera_texts(cameras, format)
     with folder_written_whole(out, force=force) as folder:
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
     printer.line("\n".join(str(out / name) for name in texts))
+    if format == "ros" and len(cameras) > 1:
+        printer.line(
+            "how the cameras stand to each other is in no file of ROS; see --format opencv"
+        )
 
 
 def import_cameras(

@@ -77,6 +77,7 @@ class CsvTable:
         names = [name or f"column {number}" for number, name in enumerate(names, 1)]
         if len(lines) == first:
             raise DataError(f"{path}: no rows below the header; expected at least one")
+        _check_names(path, names)
         repeated = [name for name, count in Counter(names).items() if count > 1]
         if repeated:
             raise DataError(f"{path}: column {min(repeated)!r} appears more than once")
@@ -229,6 +230,15 @@ def _columns_of(
                 f"{path}, line {line}: {len(row)} cells, but the table has {width} columns"
             )
     return list(zip(*rows, strict=True))
+
+
+def _check_names(path: Path, names: list[str]) -> None:
+    """Refuse a first line that holds numbers: it is data, and the names of columns are missing."""
+    numbers = [name for name in names if name.lstrip("+-")[:1].isdigit()]
+    if 2 * len(numbers) > len(names):
+        raise DataError(
+            f"{path}, line 1: expected the names of the columns, got numbers ({numbers[0]}, ...)"
+        )
 
 
 def _check_separator(path: Path, names: list[str]) -> None:

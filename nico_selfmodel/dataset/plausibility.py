@@ -24,6 +24,8 @@ _FEWEST_IN_DEGREES = 2
 """Joints read beyond two turns at once, and samples where they are, that are no slip of a pen."""
 _MOST_OUTSIDE = 0.1
 """Share of pixels that may lie outside their images without a word."""
+_FEWEST_NOTHINGS = 2
+"""Rows that are exactly 0 from which on these are what a sensor writes that saw nothing."""
 _COPIES, _FEWEST_COPIES = 0.25, 10
 """Share and number of rows that stand there again from which on these are copies: a robot that
 repeats itself without noise comes back to a pose now and then."""
@@ -37,7 +39,7 @@ def check_as_read(dataset: Dataset, place: str) -> None:
         place: The file, for messages.
 
     Raises:
-        DataError: As `_check_plausible`, or if many rows are copies.
+        DataError: As `_check_plausible`, or if many rows are copies, or places exactly 0.
 
     Warns:
         UserWarning: As `_warn_of_units` and `warn_of_outside`.
@@ -48,7 +50,32 @@ def check_as_read(dataset: Dataset, place: str) -> None:
     for own in np.split(dataset.pixels, 2, axis=1):
         warn_of_outside(own, dataset.image_size, place)
     refuse_copies(dataset.sample[seen], np.hstack([dataset.encoders, measured])[seen], place)
+    refuse_nothings(dataset.sample, dataset.p_WH_measured, f"{place}: {', '.join(POINT_COLUMNS)}")
+    for side in (slice(0, 2), slice(2, 4)):
+        columns = f"{place}: {', '.join(PIXEL_COLUMNS[side])}"
+        refuse_nothings(dataset.sample, dataset.pixels[:, side], columns)
     _warn_of_units(dataset, place)
+
+
+def refuse_nothings(sample: NDArray, values: NDArray, what: str) -> None:
+    """Refuse places of which some are exactly 0: noise never is, but nothing seen is written so.
+
+    Args:
+        sample: Number of each row's sample. Shape (N,).
+        values: What was measured, nan where nothing was. Shape (N, k).
+        what: Of what it is, for the message.
+
+    Raises:
+        DataError: If two of them or more are, and not all.
+    """
+    nothing = (values == 0.0).all(axis=1)
+    count = int(nothing.sum())
+    if count < _FEWEST_NOTHINGS or count == np.isfinite(values).all(axis=1).sum():
+        return
+    raise DataError(
+        f"{what} are exactly 0 in {count} rows (the first of sample {sample[nothing][0]}): leave "
+        "these cells empty, or the rows out, where nothing was seen"
+    )
 
 
 def refuse_copies(sample: NDArray, rows: NDArray, place: str) -> None:

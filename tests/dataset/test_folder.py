@@ -13,6 +13,7 @@ from hypothesis.extra.numpy import arrays
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import content_hash, load_dataset, save_dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
+from nico_selfmodel.dataset.plausibility import check_as_read
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.yaml_mapping import read_yaml_mapping
 
@@ -402,6 +403,27 @@ def test_the_files_are_plain_to_read(dataset, tmp_path):
     }  # fmt: skip
     header = (tmp_path / "data" / "samples.csv").read_text().splitlines()[0]
     assert header == "sample,sweep,marker,encoder.shoulder,encoder.elbow,x_m,y_m,z_m,note"
+
+
+def test_a_table_without_names_of_columns_is_told_so(folder):
+    lines = SAMPLES.splitlines(keepends=True)
+    numbers = "".join(",".join("7" if i != 1 else "" for i in range(9)) + "\n" for _ in lines)
+    with pytest.raises(DataError, match="line 1: expected the names of the columns, got numbers"):
+        load_dataset(folder(numbers))
+
+
+def test_places_that_are_exactly_nothing_are_refused_unless_it_is_one(folder):
+    data = load_dataset(folder(SAMPLES))
+    measured = np.flatnonzero(data.measured)
+    for count in (1, 2):
+        p = data.p_WH_measured.copy()
+        p[measured[:count]] = 0.0
+        wrong = replace(data, p_WH_measured=p)
+        if count == 1:
+            check_as_read(wrong, "there")
+            continue
+        with pytest.raises(DataError, match=r"x_m, y_m, z_m are exactly 0 in 2 rows \(the first"):
+            check_as_read(wrong, "there")
 
 
 def test_nothing_is_saved_that_could_not_be_loaded_again(folder, tmp_path):

@@ -176,3 +176,12 @@ def test_what_a_crane_does_is_taken_with_a_warning(tmp_path):
         read_back(of_size(19.0), tmp_path / "19")
     with pytest.raises(DataError, match=r"up to 101 m: were millimetres given as metres"):
         read_back(of_size(101.0), tmp_path / "101")
+
+
+def test_places_that_are_exactly_nothing_are_refused(tmp_path):
+    data = one_arm(1, poses=6).data
+    values = data.observations.values.copy()
+    values[[1, 4], :3] = 0.0
+    wrong = replace(data, observations=replace(data.observations, values=values))
+    with pytest.raises(DataError, match="are exactly 0 in 2 rows"):
+        read_back(wrong, tmp_path)

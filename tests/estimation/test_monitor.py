@@ -94,18 +94,38 @@ def test_what_healthy_poses_say_is_no_larger_than_chance_in_the_mean(watched):
     assert changes.weights @ np.exp(steps).mean(axis=0) < 1.2
 
 
-def test_no_pose_says_more_than_that_it_may_be_an_outlier(watched):
+def steps_at(watched, residuals):
+    """Return what poses with other residuals would say for each change."""
     model, seen, changes = watched
     noise = model.noise_mixtures["pixels"]
     density = MixtureDensity(seen, noise, covariance_of(model, seen.names))
-    outlying = seen.residuals + 300.0
-    most = changes.steps(density, outlying, seen.slopes).max()
-    assert most == pytest.approx(-np.log(noise.outlier_share))
-    assert most < LARGEST_STEP
-    # Two of them in a row are none's alarm, whatever they speak for.
-    monitor = Monitor.of(changes.weights)
-    for _ in range(2):
-        monitor = monitor.after(np.full(len(changes), -3.0))
-    for _ in range(1):
-        monitor = monitor.after(np.full(len(changes), most))
+    return changes.steps(density, residuals, seen.slopes)
+
+
+def test_what_lies_far_from_where_any_change_puts_it_says_nothing(watched):
+    said = steps_at(watched, watched[1].residuals + 300.0)
+    assert np.abs(said).max() < 0.1
+
+
+def test_a_pose_where_a_change_puts_it_says_much_and_raises_no_alarm_alone(watched):
+    _, seen, changes = watched
+    jump = int(np.argmax(np.abs(seen.slopes @ changes.basis).max(axis=(0, 1))))
+    said = steps_at(watched, seen.slopes @ changes.basis[:, jump])
+    assert said[:, jump].max() == LARGEST_STEP == 6.0
+    monitor = Monitor.of(changes.weights).after(np.full(len(changes), LARGEST_STEP))
     assert not monitor.alarm
+    assert monitor.after(np.full(len(changes), LARGEST_STEP)).alarm
+
+
+def test_false_detections_are_cauchy_about_the_tail(watched):
+    model, seen, _ = watched
+    noise = model.noise_mixtures["pixels"]
+    density = MixtureDensity(seen, noise)
+    (whole,) = np.flatnonzero(seen.dof == 4)[:1]
+    S = np.linalg.inv(density.whitening[1, whole].T @ density.whitening[1, whole])
+    r = seen.residuals[whole] + 5.0
+    # Gamma(5 / 2) / Gamma(1 / 2) = 3 / 4
+    far = (1.0 + r @ np.linalg.solve(S, r)) ** -2.5
+    u = 0.75 / np.pi**2 / np.sqrt(np.linalg.det(S)) * far
+    found = density.log_false(seen.residuals + 5.0)[whole] - 2.0 * np.log(2.0 * np.pi)
+    assert found == pytest.approx(np.log(noise.outlier_share * u))

@@ -157,6 +157,9 @@ def test_a_camera_without_counterpart_is_refused(kind, change, words):
         camera_texts({"left": Camera(**INSIDE, **change)}, kind)
 
 
+ROS_LEFT = camera_texts({"left": Camera(**INSIDE)}, "ros")["left.yaml"]
+
+
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
@@ -168,6 +171,7 @@ def test_a_camera_without_counterpart_is_refused(kind, change, words):
         ("a.cameramodel", "{'lensmodel': 'LENSMODEL_PINHOLE', 'intrinsics': [1, 2]}", "intrinsics"),
         ("a.yaml", "distortion_model: thin\n", "distortion_model 'thin' has no counterpart"),
         ("a.yaml", "distortion_model: plumb_bob\n", "'camera_matrix' is missing"),
+        ("a.yaml", ROS_LEFT.replace("image_width: 640\n", ""), r"image size: .* got \(None, 480\)"),
         ("a.yaml", "cam0: {camera_model: omni}\n", "only pinhole has"),
         ("a.yaml", "cam0: 3\n", "expected a camera"),
         ("a.yaml", "cam7: {}\n", "expected cam0, got cam7"),
@@ -182,6 +186,12 @@ def test_files_that_are_none_are_refused(tmp_path, name, text, words):
         read_cameras([tmp_path / name])
     assert "\n" not in str(error.value)
     assert name in str(error.value)
+
+
+def test_a_principal_point_outside_the_images_is_warned_of(tmp_path):
+    (tmp_path / "a.yaml").write_text(ROS_LEFT.replace("image_width: 640", "image_width: 300"))
+    with pytest.warns(UserWarning, match=r"point 322.1, 236.7 lies outside images of 300 x 480"):
+        read_cameras([tmp_path / "a.yaml"])
 
 
 @pytest.mark.parametrize("kind", ["kalibr", "mrcal"])

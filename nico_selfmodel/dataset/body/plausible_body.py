@@ -10,6 +10,7 @@ from nico_selfmodel.dataset.plausibility import (
     check_radians,
     check_spread,
     refuse_copies,
+    refuse_nothings,
     warn_of_outside,
 )
 from nico_selfmodel.errors import DataError
@@ -27,7 +28,7 @@ def check_plausible_body(data: BodyDataset) -> None:
     Raises:
         DataError: If places spread over more than 100 m, distances or markers of known place over
             more than 20 m, a rotation vector turns by more than a whole turn, some samples are in
-            degrees, or many observations are copies.
+            degrees, many observations are copies, or places exactly 0.
 
     Warns:
         UserWarning: If places spread over more than 20 m, or a joint read in `rad` turned by more
@@ -41,6 +42,10 @@ def check_plausible_body(data: BodyDataset) -> None:
         what = f"what sensor {sensor.name!r} measured"
         if sensor.kind == DISTANCE:
             _check_stated(what, float(np.abs(own[:, 0]).max()))
+        rows = table.pose[table.sensor == s]
+        if sensor.kind in (POINTS, POSES, CAMERA) and (rows != ANY_POSE).all():
+            width = 2 if sensor.kind == CAMERA else 3
+            refuse_nothings(data.sample[rows], own[:, :width], f"places by sensor {sensor.name!r}")
         if sensor.kind in (POINTS, POSES):
             check_spread(f"{what}: up to", _from_middle(own[:, :3]), _LENGTHS)
         if sensor.kind == CAMERA:

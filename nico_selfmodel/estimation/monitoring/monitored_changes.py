@@ -48,10 +48,13 @@ class MonitoredChanges:
         return len(self.weights)
 
     def steps(self, density: MixtureDensity, residuals: NDArray, slopes: NDArray) -> NDArray:
-        """Return what each pose says for each change, min(c, ln f(r - h) - ln f(r)).
+        """Return what each pose says for each change.
 
-        An outlier looks like any change. With its share g no pose says more than c = -ln g, so
-        that it takes as much to infer a change as outliers one after the other.
+        An outlier looks like any change, so that with their share g and density u
+
+            l = min(6, ln [(1 - g) f(r - h) + g u(r)] - ln [(1 - g) f(r) + g u(r)])
+
+        What lies far from where any change puts it says nothing, and no pose alone says enough.
 
         Args:
             density: Of the poses, what the model is uncertain by included.
@@ -63,8 +66,12 @@ class MonitoredChanges:
         """
         moved = density.log_moved(residuals, slopes @ self.basis)
         other = density.log_tail(residuals, WIDER)
-        ratios = np.concatenate([moved, other], axis=1) - density.log(residuals)[:, None]
-        return np.minimum(ratios, min(LARGEST_STEP, -np.log(density.outlier_share)))
+        unchanged = density.log(residuals)[:, None]
+        noisy = np.log1p(-density.outlier_share)
+        changed = noisy + np.concatenate([moved, other], axis=1)
+        false = density.log_false(residuals)[:, None]
+        ratios = np.logaddexp(changed, false) - np.logaddexp(noisy + unchanged, false)
+        return np.minimum(ratios, LARGEST_STEP)
 
 
 def monitored_changes(model: SelfModel, names: tuple[str, ...]) -> MonitoredChanges:

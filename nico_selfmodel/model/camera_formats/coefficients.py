@@ -1,5 +1,6 @@
 """Lens coefficients in the order that OpenCV, and all who follow it, write them in."""
 
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -61,6 +62,9 @@ def camera_of(
 
     Raises:
         DataError: If they are no camera, or a lens that has no counterpart here.
+
+    Warns:
+        UserWarning: If the principal point lies outside the images.
     """
     found = [float(value) for value in np.ravel(coefficients)]
     while len(found) > 8 and found[-1] == 0.0:
@@ -78,8 +82,14 @@ def camera_of(
         raise DataError(f"{where}: the pose of the camera is no rotation and translation")
     fx, fy, cx, cy = (float(value) for value in focal)
     bends = dict(zip(names, found, strict=False))
+    width, height = (int(side) for side in matrix(image_size, (2,), f"{where}, image size"))
+    if not (0.0 <= cx <= width and 0.0 <= cy <= height):
+        warnings.warn(
+            f"{where}: the principal point {cx:.4g}, {cy:.4g} lies outside images of {width} x "
+            f"{height}: is this the size of the images that the camera was calibrated by?",
+            stacklevel=2,
+        )
     try:
-        width, height = (int(side) for side in image_size)
         X_WC = transform(nearest_rotation(R), pose[:3, 3])
         return Camera(fx, fy, cx, cy, (width, height), lens=kind, X_WC=X_WC, **bends)
     except (TypeError, ValueError) as error:
