@@ -101,6 +101,19 @@ def test_pictures_are_those_that_matplotlib_draws(draw):
     assert np.mean(off > 90.0) < 0.1 * ink.mean()
 
 
+@pytest.mark.parametrize(("width", "written_out"), [(2.9, 7), (2.75, 4), (1.35, 2)])
+def test_numbers_that_would_touch_are_written_at_every_second_tick(width, written_out):
+    with style():
+        figure = PlainFigure(figsize=(4.0, 3.0))
+        axes = figure.add_axes((0.1, 0.4, width / 4.0, 0.5))
+        axes.set_xticks(0.0025 * np.arange(7))
+        axes.set_xlim(0.0, 0.015)
+        axes.set_yticks([])
+    numbers = [text for text, _ in written(figure)]
+    assert len(numbers) == written_out
+    assert numbers[0] == "0.0000"
+
+
 def test_lines_of_a_label_stand_below_each_other_as_matplotlib_writes_them():
     ours, theirs = (dict(written(drawn(kind, of_several_lines))) for kind in (PlainFigure, Figure))
     assert set(ours) == set(theirs) >= {"kinematics", "only", "all", "none", "at all", "half"}

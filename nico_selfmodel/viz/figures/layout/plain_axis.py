@@ -18,7 +18,7 @@ from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.font_manager import FontProperties
 from matplotlib.path import Path
 from matplotlib.text import Text
-from matplotlib.ticker import FixedFormatter, NullFormatter, NullLocator
+from matplotlib.ticker import FixedFormatter, NullFormatter, NullLocator, ScalarFormatter
 from matplotlib.transforms import Bbox, IdentityTransform
 from numpy.typing import NDArray
 
@@ -28,6 +28,8 @@ _LOOKS = {"fontsize": "labelsize", "rotation": "labelrotation", "color": "labelc
 """How `set_ticklabels` calls what `set_tick_params` has other words for."""
 
 _DRAWN = ("tick", "label")
+_GAP = 0.5
+"""Least room between the numbers of an axis, in sizes of their font."""
 _LINE = 1.2
 """From line to line of a label, in heights of a line: Matplotlib's."""
 
@@ -212,9 +214,8 @@ class _TicksAtOnce:
         upright, (up, down) = self._upright, (size * part for part in ascent_and_descent())
         off = self._reach("major", "size") + self._reach("major", "pad")
         edge = self._edges()[side - 1] + off * (2 * side - 3)
-        for place, text, higher in self._lines(
-            places.at[places.shown], words[places.shown], side, up + down
-        ):
+        at, words = self._apart(places.at[places.shown], words[places.shown], size)
+        for place, text, higher in self._lines(at, words, side, up + down):
             along = size * width_of(text)
             if isinstance(renderer, RendererAgg):  # whose dots widen letters
                 along = renderer.get_text_width_height_descent(text, font, False)[0]
@@ -228,6 +229,16 @@ class _TicksAtOnce:
                 left, anchor = edge - (wide if side == 1 else 0.0), (edge, place + higher)
             base = (left + up, low) if upright else (left, low + down)
             yield _Label(text, *base, anchor, Bbox.from_bounds(left, low, wide, tall))
+
+    def _apart(self: Any, at: NDArray, words: NDArray, size: float) -> tuple[NDArray, NDArray]:
+        """Return every second number below an axis, and of these again, until none touch."""
+        numbers = isinstance(self.major.formatter, ScalarFormatter)
+        while len(at) > 2 and numbers and self.across == 0 and not self._upright:
+            half = size * 0.5 * np.array([width_of(text) for text in words.tolist()])
+            if (np.abs(np.diff(at)) >= half[1:] + half[:-1] + _GAP * size).all():
+                break
+            at, words = at[::2], words[::2]
+        return at, words
 
     def _lines(
         self: Any, places: NDArray, words: NDArray, side: int, tall: float
