@@ -1,6 +1,8 @@
 """Modules are loaded without a look for what is no longer needed, which comes afterwards."""
 
 import gc
+import subprocess
+import sys
 
 import pytest
 
@@ -19,19 +21,33 @@ def test_nothing_is_looked_for_meanwhile_and_as_before_afterwards(looks):
         (gc.enable if before else gc.disable)()
 
 
-def test_what_was_there_counts_as_old_and_is_still_found_when_nothing_needs_it():
-    class Kept:
-        gone = False
+COUNTED = """
+import gc, sys
+from nico_selfmodel.loading import unsearched
+class Kept:
+    gone = False
+    def __del__(self):
+        Kept.gone = True
+if sys.argv[1] == "frozen":
+    gc.freeze()
+with unsearched():
+    one = Kept()
+    one.itself = one
+print("frozen" if gc.get_freeze_count() else "loose")
+print("old" if any(item is one for item in gc.get_objects(generation=2)) else "young")
+del one
+gc.collect(1)
+print("gone" if Kept.gone else "there")
+gc.collect()
+print("gone" if Kept.gone else "there")
+"""
 
-        def __del__(self):
-            Kept.gone = True
 
-    with unsearched():
-        one = Kept()
-        one.itself = one
-    assert any(item is one for item in gc.get_objects(generation=2))
-    del one
-    gc.collect(1)
-    assert not Kept.gone
-    gc.collect()
-    assert Kept.gone
+@pytest.mark.parametrize(
+    ("before", "found"),
+    [("loose", "loose old there gone"), ("frozen", "frozen young gone gone")],
+)
+def test_all_there_is_counts_as_old_unless_somebody_froze_what_there_was(before, found):
+    words = [sys.executable, "-c", COUNTED, before]
+    ran = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)
+    assert ran.stdout.split() == found.split()

@@ -16,12 +16,10 @@ def main() -> None:
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     from nico_selfmodel.cli.interruption import say_stopped, was_stopped
     from nico_selfmodel.freed_memory import keep_freed_memory
-    from nico_selfmodel.loading import unsearched
 
     keep_freed_memory()
     try:
-        with unsearched():
-            from nico_selfmodel.cli.app import run
+        from nico_selfmodel.cli.app import run
 
         run()
     except SystemExit:

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.folder import load_dataset
-from nico_selfmodel.estimation.arm import kinematic_task
+from nico_selfmodel.estimation.arm import kinematic_task, kinematics
+from nico_selfmodel.estimation.arm.cross_validation import cross_validate_arm
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.noise import pose_sums
@@ -80,3 +81,34 @@ def test_sums_do_not_depend_on_the_pieces(data, of_all, monkeypatch):
     )
     np.testing.assert_allclose(parts.g / scale, once.g / scale, atol=1e-9)
     assert parts.moved == pytest.approx(once.moved)
+
+
+@pytest.fixture
+def refined(data, monkeypatch):
+    """Return all rows, the arm that they tell and what they say of it, before cross-validation."""
+    given = []
+
+    def caught(*known):
+        given.append(known)
+        return cross_validate_arm(*known)
+
+    monkeypatch.setattr(kinematic_task, "MOST_ROWS", 300)
+    monkeypatch.setattr(kinematics, "cross_validate_arm", caught)
+    calibrate_kinematics(data, explain=False)
+    return given[0]
+
+
+@pytest.mark.slow
+def test_what_rows_say_of_the_arm_that_they_tell_is_not_worked_out_twice(refined):
+    observations, solved, sums = refined
+    errors = cross_validate_arm(observations, solved)
+    assert len(errors) > 300
+    np.testing.assert_allclose(cross_validate_arm(observations, solved, sums), errors, rtol=1e-9)
+    # The same base, turned the other way round: its derivatives are others than the result's.
+    turn = solved.parameters.base_turn
+    long_way = replace(solved.parameters, turn=turn * (1.0 - 2.0 * np.pi / np.linalg.norm(turn)))
+    again, other = pose_sums.refine_on_all(
+        observations, replace(solved, parameters=long_way), trim=False
+    )
+    assert other is None
+    np.testing.assert_allclose(again.parameters.base_turn, turn, atol=0.1)

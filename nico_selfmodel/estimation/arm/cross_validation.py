@@ -19,7 +19,9 @@ _SHIFT, _NO_PART = 1e-4, 1e-2
 """How far what a fold alone tells is moved [rad or m], and the share of it that counts as none."""
 
 
-def cross_validate_arm(observations: Observations, solved: ArmSolution) -> NDArray:
+def cross_validate_arm(
+    observations: Observations, solved: ArmSolution, sums: PoseSums | None = None
+) -> NDArray:
     """Predict each pose by a model refined without its fold.
 
     Whole poses are left out, in turn; outliers take no part. The minimum without a fold is one
@@ -28,6 +30,7 @@ def cross_validate_arm(observations: Observations, solved: ArmSolution) -> NDArr
     Args:
         observations: The training data.
         solved: The solution of all of it.
+        sums: What the inlier rows say at it; worked out if omitted.
 
     Returns:
         Errors of the inlier rows [m], nan where they depend on what their own fold alone tells;
@@ -35,9 +38,9 @@ def cross_validate_arm(observations: Observations, solved: ArmSolution) -> NDArr
     """
     if solved.noise is None:
         return np.zeros(0)
-    sums = PoseSums.of(
-        observations, solved.parameters, solved.free, ~solved.outliers, solved.noise, FOLDS
-    )
+    if sums is None:
+        known = (solved.parameters, solved.free, ~solved.outliers, solved.noise)
+        sums = PoseSums.of(observations, *known, FOLDS)
     inliers, fold = observations.select(~solved.outliers), sums.fold
     fewest = min((int(part.rest.sum()) for part in splits(fold)), default=0)
     if fold.max(initial=0) < FOLDS - 1 or 3 * fewest <= len(solved.free):

@@ -54,7 +54,7 @@ from nico_selfmodel.estimation.initialization.start_search import (
 )
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution, Linearised
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
-from nico_selfmodel.estimation.noise.pose_sums import refine_on_all
+from nico_selfmodel.estimation.noise.pose_sums import PoseSums, refine_on_all
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.self_model import SelfModel
@@ -192,8 +192,8 @@ def calibrate_kinematics(
         trim = loss != "none"
         asked = effects if not contradicted else None  # no bend shall explain a wrong value
         ladder = climb(BendingArm(task.sample, solved, up, pins.names, trim, seed), asked)
-        solved = _on_all(task, ladder, trim)
-        unseen = cross_validate_arm(task.observations, solved)
+        solved, sums = _on_all(task, ladder, trim)
+        unseen = cross_validate_arm(task.observations, solved, sums)
     doubts = _Doubts.of(task, solved)
     causes = Causes()
     if search is not None and explain and task.redundant:
@@ -256,14 +256,15 @@ def _refined(
     return refine_named(task.sample, parameters, held, best.robust, task.sigma, loss)
 
 
-def _on_all(task: KinematicTask, ladder: Ladder, trim: bool) -> ArmSolution:
-    """Return the arm that the ladder ended with, on all observations."""
+def _on_all(task: KinematicTask, ladder: Ladder, trim: bool) -> tuple[ArmSolution, PoseSums | None]:
+    """Return the arm that the ladder ended with, on all observations, and what these say of it."""
     solved: ArmSolution = ladder.solution
+    sums = None
     if task.sampled:
-        solved = refine_on_all(task.observations, solved, trim=trim)
+        solved, sums = refine_on_all(task.observations, solved, trim=trim)
     assert solved.uncertainty is not None
     known = ladder.in_doubt(solved.uncertainty, solved.parameters)
-    return replace(solved, uncertainty=known)
+    return replace(solved, uncertainty=known), sums
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,7 +32,9 @@ _TRIMS = 5
 """Rounds in which outliers are looked for again."""
 
 
-def refine_on_all(observations: Observations, solved: ArmSolution, *, trim: bool) -> ArmSolution:
+def refine_on_all(
+    observations: Observations, solved: ArmSolution, *, trim: bool
+) -> tuple[ArmSolution, "PoseSums | None"]:
     """Refine an arm on all poses that was refined on a sample of them.
 
     The sample tells the noise, and is off by a few of its own standard deviations: what is left are
@@ -44,7 +46,8 @@ def refine_on_all(observations: Observations, solved: ArmSolution, *, trim: bool
         trim: Look for outliers.
 
     Returns:
-        The solution of all, with outliers and uncertainty of all.
+        The solution of all, with outliers and uncertainty of all, and what all rows say at it; None
+        where the turn of its base is written otherwise than they were summed by.
     """
     assert solved.noise is not None
     assert solved.uncertainty is not None
@@ -55,12 +58,14 @@ def refine_on_all(observations: Observations, solved: ArmSolution, *, trim: bool
     sums = refinement.solve(~outliers)
     for _ in range(_TRIMS if trim else 0):
         H = sums.H.sum(axis=0) + np.diag(refinement.information)
-        found = refinement.outliers(outliers, covariance_told_by(H))
-        if np.array_equal(found, outliers):
+        again = refinement.outliers(outliers, covariance_told_by(H))
+        if np.array_equal(again, outliers):
             break
-        outliers = found
+        outliers = again
         sums = refinement.solve(~outliers)
-    return refinement.solution(outliers, sums)
+    found = refinement.solution(outliers, sums)
+    alike = np.allclose(found.parameters.base_turn, refinement.parameters.base_turn)
+    return found, sums if alike else None
 
 
 class _OnAll:

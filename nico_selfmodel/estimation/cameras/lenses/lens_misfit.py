@@ -23,6 +23,8 @@ from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibratio
 _RINGS, _SECTOR_RINGS, _WAVES = 8, 4, 3
 _CERTAIN = 8.0
 """Standard scores of F: real corners are not quite Gaussian."""
+_TOLD, _NOTHING = 1e-6, 1e-12
+"""Share of the largest singular value below which a direction is none, and lengths that are 0."""
 _HELD = (("k3",), ("p1", "p2"), ("skew",), ("k2",), ("k1",))
 """What may be held, and its cure be to let it move."""
 
@@ -82,8 +84,11 @@ def lens_misfits(
     r = _without(known, beyond_boards(residuals[:, None]))[:, 0]
 
     def explained_by(columns: NDArray) -> tuple[float, int]:
-        basis = _basis(_without(known, beyond_boards(columns)))
-        return float(np.sum((basis.T @ r) ** 2)), basis.shape[1]
+        fields = _of_one_size(_without(known, beyond_boards(columns)))
+        values, vectors = np.linalg.eigh(fields.T @ fields)
+        told = values > _TOLD**2 * max(float(values[-1]), _NOTHING**2)
+        along = vectors[:, told].T @ (fields.T @ r)
+        return float(np.sum(along**2 / values[told])), int(told.sum())
 
     found = []
     for e, camera in enumerate(views.cameras):
@@ -166,9 +171,12 @@ def _hats(x: NDArray, count: int) -> list[NDArray]:
 
 def _basis(columns: NDArray) -> NDArray:
     """Return an orthonormal basis of what columns span. Shape (n, k) -> (n, rank)."""
-    scale = np.linalg.norm(columns, axis=0)
-    u, s, _ = np.linalg.svd(columns / np.maximum(scale, 1e-12), full_matrices=False)
-    return u[:, s > 1e-6 * max(float(s[0]), 1e-12)]
+    u, s, _ = np.linalg.svd(_of_one_size(columns), full_matrices=False)
+    return u[:, s > _TOLD * max(float(s[0]), _NOTHING)]
+
+
+def _of_one_size(columns: NDArray) -> NDArray:
+    return columns / np.maximum(np.linalg.norm(columns, axis=0), _NOTHING)
 
 
 def _without(basis: NDArray, columns: NDArray) -> NDArray:
