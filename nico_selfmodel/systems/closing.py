@@ -57,6 +57,11 @@ def free_memory() -> None:
     stay with this process for ever.
     """
     gc.collect()
+    trim_memory()
+
+
+def trim_memory() -> None:
+    """Give back to the system what is freed already, which takes ten milliseconds."""
     if sys.platform.startswith("linux"):
         with suppress(OSError, AttributeError):  # another C library than GNU's
             ctypes.CDLL(None).malloc_trim(0)

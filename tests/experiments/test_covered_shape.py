@@ -31,6 +31,21 @@ def test_a_hand_held_up_may_cover_more_about_it_than_its_reflection():
     assert not found[:60].any()
 
 
+def test_what_is_strange_without_a_mark_is_not_judged_by_the_expected_body():
+    labels = np.full((200, 300), CHEST)
+    seen = LabelledPicture(np.zeros((200, 300, 4), np.uint8), np.full(labels.shape, 0.9), labels)
+    image = SimpleNamespace(moving=(ARM,), links={ARM: "hand", CHEST: "chest"})
+    odd = np.zeros(labels.shape, dtype=bool)
+    odd[50:54, 60:63] = True
+    unknown = Unknown({"chest": 2.5e-4}, strange=(odd, np.zeros_like(odd)))
+    left, right = (
+        Expecting(image, NICO_CAMERAS, MIRROR, (2.0, 2.0), unknown).pixel_sigma(side, seen)
+        for side in (0, 1)
+    )
+    assert np.array_equal(np.isnan(left), odd)
+    assert np.isfinite(right).all()
+
+
 def test_a_covered_part_is_neither_body_nor_room(monkeypatch):
     monkeypatch.setattr(learned_shape, "mirrors_and_cameras", lambda *_: ((), np.eye(3)))
     picture = np.tile(ROOM, (240, 320, 1))

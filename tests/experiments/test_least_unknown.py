@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.sessions.mirrors.expecting import POINT_SIGMA, Unknown
+from nico_selfmodel.sessions.mirrors.expecting import MOST_UNLIKE, POINT_SIGMA, Unknown
 from nico_selfmodel.sessions.mirrors.mirror_looks import (
     COLOR_SIGMA,
     COLORS,
@@ -13,18 +13,23 @@ from nico_selfmodel.sessions.mirrors.mirror_looks import (
 )
 
 LINKS = {"calm": 0, "grazed": 1, "strange": 2}
+SHAPE = (20, 30)
 
 
 def told(color):
     """Places tell one link, colours another, and nothing the third."""
-    surprising = np.ones((len(POINTS), 3), dtype=bool)
-    surprising[1:, 0] = False
-    surprising[:, 1] = color < 0.04
+    share = np.full((len(POINTS), 3), 1.01 * MOST_UNLIKE)
+    share[1:, 0] = 0.99 * MOST_UNLIKE
+    share[:, 1] *= color < 0.04
     likely = -np.abs(np.arange(len(POINTS))[:, None] - [2.0, 1.0, 0.0]) * np.ones(3)
-    return Told(likely, surprising, LINKS)
+    places = np.full((len(POINTS), 2, *SHAPE), -1)
+    each = np.arange(len(POINTS))
+    places[each, 0, 10, each] = 0  # of each sigma another pixel
+    places[:, 1, 5, 20] = 2
+    return Told(likely, share, places, LINKS)
 
 
-def test_a_link_is_known_as_well_as_leaves_nothing_surprising():
+def test_a_link_is_known_as_well_as_leaves_next_to_nothing_surprising():
     found = least_unknown(told)
     assert dict(found.points) == {"calm": POINTS[2], "grazed": POINTS[1]}
     assert dict(found.colors) == {"grazed": 0.04}
@@ -33,12 +38,21 @@ def test_a_link_is_known_as_well_as_leaves_nothing_surprising():
     assert dict(found.likely) == {"calm": POINTS[2], "grazed": POINTS[1], "strange": POINTS[0]}
 
 
+def test_what_is_strange_at_the_best_sigma_of_a_link_is_not_judged_nor_what_is_about_it():
+    left, right = least_unknown(told).strange
+    about = np.zeros(SHAPE, dtype=bool)
+    about[7:14, :6] = True  # of pixel 2 in row 10
+    assert np.array_equal(left, about)
+    assert not right.any()  # of a link of which no sigma leaves next to nothing
+
+
 def test_no_more_is_asked_where_places_tell_all():
     asked = []
 
     def all_calm(color):
         asked.append(color)
-        return Told(told(0.04).likely[:, :2], np.zeros((len(POINTS), 2), dtype=bool),
+        known = told(0.04)
+        return Told(known.likely[:, :2], np.zeros((len(POINTS), 2)), known.strange,
                     {"calm": 0, "grazed": 1})  # fmt: skip
 
     assert not least_unknown(all_calm).colors

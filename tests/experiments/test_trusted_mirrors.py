@@ -8,8 +8,8 @@ import pytest
 
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.sessions.mirrors import knowing
-from nico_selfmodel.sessions.mirrors.expecting import Unknown
-from nico_selfmodel.sessions.mirrors.knowing import MOST_UNLIKE, know_itself, trusting
+from nico_selfmodel.sessions.mirrors.expecting import MOST_UNLIKE, Unknown
+from nico_selfmodel.sessions.mirrors.knowing import know_itself, trusting
 
 LEARNED = Unknown(color=0.5)
 

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.vision.surprise.blobs import surprising_places, threshold_of
+from nico_selfmodel.optimization.chi_square import chi_square_tail
+from nico_selfmodel.vision.surprise.blobs import Blob, surprising_places, threshold_of
 from nico_selfmodel.vision.surprise.seen_places import (
     all_judged,
+    beyond_chance,
     nothing_at,
     seen_places,
     spots_at,
@@ -79,6 +81,27 @@ def test_less_is_weakly_surprising_where_another_camera_says_to_look():
     assert seen_places(own, where=[(40.0, 40.0)]) == []
     faint, _ = pictures((25.0, 40.0), height=11.0)
     assert seen_places(faint, where=[(27.0, 41.0)]) == []
+
+
+def test_less_surprises_on_the_body_than_among_all_that_is_beside_it():
+    body = np.hypot(*(np.mgrid[: SHAPE[0], : SHAPE[1]] - [[[40.0]], [[50.0]]])) < 15.0
+    height = 27.0
+    assert threshold_of(int(body.sum())) < height < threshold_of(int((~body).sum()))
+    own = Surprise(np.full(SHAPE, np.nan), 1.0)
+    for place, there in (((40, 50), True), ((10, 10), False)):
+        changed = np.ones(SHAPE)
+        changed[place] = height
+        ((_, sure),) = seen_places(own, Surprise(changed, 1.0), body=body)
+        assert sure is there
+
+
+@pytest.mark.parametrize(("each", "beyond"), [(25.3, True), (24.8, False)])
+def test_places_of_two_pictures_are_beyond_chance_together_before_each_is_alone(each, beyond):
+    places = 20000
+    assert each < threshold_of(places)
+    bound = 2.0 * each
+    assert (places * 113 * chi_square_tail(bound, 6) < 0.01) is beyond
+    assert beyond_chance(Blob(5.0, 5.0, 9, each), Blob(7.0, 5.0, 1, each), places) is beyond
 
 
 @pytest.mark.slow

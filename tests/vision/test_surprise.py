@@ -97,6 +97,18 @@ def test_what_neighbours_have_alike_does_not_become_less_in_their_mean():
     assert 5.0 < np.nanmean(found.chi_square) < 9.5
 
 
+def test_beside_an_edge_the_pixels_that_lie_off_it_tell():
+    """A plain mean would have all of what the edge may be off by, and paint would be hidden."""
+    half = np.where(np.arange(160) < 80, 40.0, 200.0)[:, None] * np.ones((120, 1, 3))
+    known = Expectation(half.astype(np.uint8), np.full((120, 160), 0.3), NOISE, 0.0)
+    half[60:66, 74:79] += [0.0, 12.0, 0.0]
+    found = surprise(seen(half, np.random.default_rng(10)), known)
+    assert found.chi_square[62, 78] > threshold_of(160 * 120)
+    judged = int(np.isfinite(found.chi_square[:62]).sum()) + 78 - 1
+    sigma = np.sqrt(found.covariance[judged, 1, 1])
+    assert NOISE / 3.0 < sigma < 1.5
+
+
 def test_light_that_is_less_well_known_in_one_place_surprises_less_there():
     flat = np.full((120, 160, 3), 100.0)
     share = np.where(np.arange(160) < 40, 0.04, 0.01) * np.ones((120, 1))
@@ -114,6 +126,11 @@ def test_an_earlier_picture_tells_what_the_body_does_not():
     before = as_before(seen(checks(), rng), own, NOISE, 0.01)
     rest = surprise(seen(checks(), rng), before)
     both = own.beside(rest)
+    judged = np.isfinite(both.chi_square)
+    each = np.full((2, *judged.shape), np.nan)
+    told = np.linalg.solve(both.covariance, both.off[:, :, None])[:, :, 0]
+    each[0, judged], each[1] = np.sum(both.off * told, axis=1), both.chi_square
+    assert np.allclose(each[0], each[1], equal_nan=True)  # rows are of their own places
     assert np.isfinite(both.chi_square[1:-1, 1:-1]).all()
     assert np.isnan(rest.chi_square[:, :79]).all()
     assert surprising_places(rest) == ()

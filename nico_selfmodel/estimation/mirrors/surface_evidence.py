@@ -40,6 +40,11 @@ class SurfaceView:
     poses: Mapping[int, NDArray]
     """Number of each link -> its pose in the world. Shape (4, 4)."""
 
+    @property
+    def judged(self) -> NDArray:
+        """Which places are. Shape (h, w)."""
+        return np.isfinite(self.places)
+
 
 def surprising_together(
     views: Sequence[SurfaceView], threshold_of: Callable[[int, int], float]
@@ -68,7 +73,7 @@ def surprising_together(
     Returns:
         For each picture which pixels. Shape (h, w) each.
     """
-    count = sum(int(np.isfinite(view.places).sum()) for view in views)
+    count = sum(int(view.judged.sum()) for view in views)
     least = threshold_of(count, 3)
     above = [np.zeros(view.places.shape, dtype=bool) for view in views]
     for view in views:
@@ -81,7 +86,7 @@ def _together(
     view: SurfaceView, views: Sequence[SurfaceView], least: float
 ) -> list[tuple[NDArray, NDArray]]:
     """Return where each picture shows the places of one picture that surprise by all of them."""
-    rows, columns = np.nonzero(np.isfinite(view.places))
+    rows, columns = np.nonzero(view.judged)
     labels, p_FQ = on_links(view, rows, columns)
     shown = [_shown(other, labels, p_FQ) for other in views]
     each = np.array([chi_square for chi_square, _, _ in shown])
@@ -107,7 +112,7 @@ def _told(
     """
     W, b = np.zeros((*judged.shape, 3, 3)), np.zeros((*judged.shape, 3))
     for k, (view, (v, u), own) in enumerate(zip(views, shown, judged, strict=True)):
-        number = np.cumsum(np.isfinite(view.places)).reshape(view.places.shape) - 1
+        number = np.cumsum(view.judged).reshape(view.places.shape) - 1
         which = number[v[own], u[own]]
         W[k, own] = np.linalg.inv(view.covariance[which])
         b[k, own] = np.einsum("nij,nj->ni", W[k, own], view.off[which])

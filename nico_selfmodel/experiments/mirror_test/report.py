@@ -36,7 +36,7 @@ from nico_selfmodel.experiments.mirror_test.unmarked_report import (
     unmarked_table,
 )
 from nico_selfmodel.plant.touching.touch_planner import CLEAR, LEAN
-from nico_selfmodel.sessions.mirrors.knowing import MOST_UNLIKE
+from nico_selfmodel.sessions.mirrors.expecting import MOST_UNLIKE
 from nico_selfmodel.sessions.mirrors.mark_finder import (
     LENS_SIGMA,
     PIXEL_SIGMA,

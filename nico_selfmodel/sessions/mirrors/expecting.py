@@ -29,6 +29,8 @@ degree, and its face is 0.15 m from them [m]."""
 APPEARANCE_SIGMA = 0.03
 """What colours and light of the description are not known by, as a share of the grey level; set on
 robot 0."""
+MOST_UNLIKE = 0.01
+"""Share of the unmarked head and chest that a mirror may show otherwise than expected."""
 _UNLIKE = 16.27
 """Chi-square of three degrees of freedom that one place in a thousand exceeds by chance."""
 _WHOLE = 0.2
@@ -52,6 +54,9 @@ class Unknown:
     colors: Mapping[str, float] = field(default_factory=dict)
     """Link -> the same of one that is less well known: how the robot is turned to the light, which
     stands in the room, counts for one more than for another."""
+    strange: tuple[NDArray, NDArray] | None = None
+    """Pixels of left and right picture about what looks otherwise than expected in a mirror though
+    nothing is on it, of which the expected body tells nothing. Shape (h, w) each."""
 
     def __post_init__(self) -> None:
         """Make the mappings read-only."""
@@ -150,12 +155,13 @@ class Expecting:
         """Return how well it is known where an expected picture is seen; nan where not judged.
 
         The moving arm is not judged, nor what it covers: its joints are loose by more than its
-        outline may be off.
+        outline may be off; nor what is strange without a mark.
         """
         points = self._by_link(seen, self.unknown.points, self.unknown.other)
         sigma = reflection_sigma(self.rig, self.mirror, side, seen.depth, points)
         sigma = away_from_the_unknown(np.where(seen.labels == NOTHING, np.nan, sigma))
-        return np.where(self.covered(side, seen), np.nan, sigma)
+        strange = False if self.unknown.strange is None else self.unknown.strange[side]
+        return np.where(self.covered(side, seen) | strange, np.nan, sigma)
 
     def covered(self, side: int, seen: LabelledPicture) -> NDArray:
         """Return where the moving arm is expected, or may be as its joints are loose. (h, w)."""

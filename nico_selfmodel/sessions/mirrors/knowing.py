@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.sessions.mirrors.acquaintance import Acquainted, rendered
-from nico_selfmodel.sessions.mirrors.expecting import Unknown
+from nico_selfmodel.sessions.mirrors.expecting import MOST_UNLIKE, Unknown
 from nico_selfmodel.sessions.mirrors.known_body import KnownBody, know_body
 from nico_selfmodel.sessions.mirrors.look_poses import look_poses
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
@@ -47,8 +47,6 @@ _CHOICES = 2000
 """From which those next to poses in which the arm was learned are taken."""
 _UNMARKED = 3
 """Poses before each mirror in which it learns how far its unmarked body is from expected."""
-MOST_UNLIKE = 0.01
-"""Share of the unmarked head and chest that a mirror may show otherwise than expected."""
 _DAY = 6
 
 

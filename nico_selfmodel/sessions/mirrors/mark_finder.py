@@ -35,6 +35,7 @@ from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.vision.surprise.blobs import FALSE_ALARM, Blob, threshold_of
 from nico_selfmodel.vision.surprise.seen_places import (
     all_judged,
+    beyond_chance,
     nothing_at,
     seen_places,
     spots_at,
@@ -114,10 +115,11 @@ class MarkFinder:
         Returns:
             Marks on me, then those on the glass, then those elsewhere.
         """
-        views = self._views(names, looks)
+        rest = (None, None, None, None) if changes is None else (*changes, None, None)
+        views = self._views(names, looks, rest)
         together = surprising_together(views, _together_bound)
-        first = self._spots(names[0], looks[0], changes, together[:2])
-        second = self._spots(names[1], looks[1], None, together[2:])
+        first = self._spots(names[0], looks[0], changes, together[:2], views[:2])
+        second = self._spots(names[1], looks[1], None, together[2:], views[2:])
         found = self._agreed(first, second)
         known = {id(spot) for one in found for spot in one.spots}
         seen = [look.surprise for look in looks[0]]
@@ -131,7 +133,6 @@ class MarkFinder:
                 if (p := spot.place) is not None and strong and id(spot) not in known
                 and self._unrefuted(p, name, pair, judged)
             ]  # fmt: skip
-        rest = (None, None, None, None) if changes is None else (*changes, None, None)
         found = [self._middled(one, views, [*looks[0], *looks[1]], rest) for one in found]
         for kind in (ON_GLASS, NOT_ON_ME):
             found += [
@@ -141,18 +142,30 @@ class MarkFinder:
             ]
         return tuple(found)
 
-    def _views(self, names: Sequence[str], looks: Sequence[Pair]) -> list[SurfaceView]:
-        """Return all pictures as views of the own surface."""
-        views = []
+    def _views(
+        self,
+        names: Sequence[str],
+        looks: Sequence[Pair],
+        changes: Sequence[Surprise | None] = (None, None, None, None),
+    ) -> list[SurfaceView]:
+        """Return all pictures as views of the own surface, but for the arm that moves.
+
+        What lies at an outline, where the expected body does not judge, has changed or not.
+        """
+        views, rest = [], iter(changes)
         for name, pair in zip(names, looks, strict=True):
             rig = MirrorRig(self._known.model.rig, self._known.mirror(name))
-            posed = self._image.poses(pair[0].readings)
-            poses = {number: posed[link] for number, link in self._image.links.items()}
+            posed, image = self._image.poses(pair[0].readings), self._image
+            poses = {k: posed[link] for k, link in image.links.items() if k not in image.moving}
             for side, look in enumerate(pair):
-                own = look.surprise
+                change = next(rest)
+                own = look.surprise if change is None else look.surprise.beside(change)
                 assert own.off is not None
                 assert own.covariance is not None
-                views.append(SurfaceView(side, rig, own.chi_square, own.off, own.covariance,
+                judged = np.isfinite(own.chi_square)
+                body = np.isin(look.labels[judged], [*poses])
+                places = np.where(np.isin(look.labels, [*poses]), own.chi_square, np.nan)
+                views.append(SurfaceView(side, rig, places, own.off[body], own.covariance[body],
                                          look.depth, look.labels, poses))  # fmt: skip
         return views
 
@@ -220,17 +233,24 @@ class MarkFinder:
         pair: Pair,
         changes: tuple[Surprise, Surprise] | None,
         together: Sequence[NDArray],
+        views: Sequence[SurfaceView],
     ) -> Told:
-        """Return the spots of one look, and whether a place of each is surprising by itself."""
+        """Return the spots of one look, and whether they are beyond chance.
+
+        They are where a place of one picture is by itself, or that of both together: of n places
+        of the body in one each has some hundred that it may be in the other.
+        """
         mirror, rig = self._known.model.mirrors[name], self._known.model.rig
         body = self._body(name, pair[0].readings)
         rest = (None, None) if changes is None else changes
-        sights = self._sights(name, pair, rest, together)
+        shown = [view.judged for view in views]
+        sights = self._sights(name, pair, rest, together, shown)
         left, right = (
-            self._middles(look, rest[side], together[side], sights[1 - side])
+            self._middles(look, rest[side], together[side], sights[1 - side], shown[side])
             for side, look in enumerate(pair)
         )
-        found = []
+        places = max(int(one.sum()) for one in shown)
+        found, both = [], set()
         for a, one, strong_a in left:
             for b, other, strong_b in right:
                 own = float(np.hypot(PIXEL_SIGMA, max(one.sigma, other.sigma)))
@@ -239,7 +259,9 @@ class MarkFinder:
                 if spot is None or (spot.kind == NOT_ON_ME and self._on_arm(pair, a, b)):
                     continue
                 found.append((spot, (a, strong_a), (b, strong_b)))
-        return best_spots(found)
+                if spot.kind == ON_ME and beyond_chance(a, b, places):
+                    both.add(id(spot))
+        return [(spot, strong or id(spot) in both) for spot, strong in best_spots(found)]
 
     def _sights(
         self,
@@ -247,11 +269,12 @@ class MarkFinder:
         pair: Pair,
         changes: Sequence[Surprise | None],
         together: Sequence[NDArray],
+        shown: Sequence[NDArray],
     ) -> list[list[tuple[float, float]]]:
         """Return where the other camera must see what surprises beyond chance in each picture."""
         rig, found = MirrorRig(self._known.model.rig, self._known.mirror(name)), []
         for side, look in enumerate(pair):
-            seen = seen_places(look.surprise, changes[side], together[side])
+            seen = seen_places(look.surprise, changes[side], together[side], (), shown[side])
             spots = [blob for blob, strong in seen if strong]
             depths = [nearest_depth(look.depth, blob.u, blob.v) for blob in spots]
             pixels = np.array([(blob.u, blob.v) for blob in spots]).reshape(-1, 2)
@@ -265,12 +288,13 @@ class MarkFinder:
         change: Surprise | None,
         together: NDArray,
         where: Sequence[tuple[float, float]],
+        shown: NDArray,
     ) -> list[tuple[Blob, Middle, bool]]:
         """Return the spots of one picture, their middles, and whether each is surprising."""
         parts = [look.surprise] if change is None else [look.surprise, change]
         return [
             (blob, middle_of(blob, look.picture, parts), strong)
-            for blob, strong in seen_places(look.surprise, change, together, where)
+            for blob, strong in seen_places(look.surprise, change, together, where, shown)
         ]
 
     def _on_arm(self, pair: Pair, a: Blob, b: Blob) -> bool:

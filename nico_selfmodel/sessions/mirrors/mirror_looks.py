@@ -9,18 +9,26 @@ from numpy.typing import NDArray
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.sessions.mirrors.expecting import POINT_SIGMA, Expecting, MirrorLook, Unknown
+from nico_selfmodel.sessions.mirrors.expecting import (
+    MOST_UNLIKE,
+    POINT_SIGMA,
+    Expecting,
+    MirrorLook,
+    Unknown,
+)
 from nico_selfmodel.sessions.mirrors.known_body import Shot
+from nico_selfmodel.systems.closing import trim_memory
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.systems.rendering.cropped_render import LabelledPicture
 from nico_selfmodel.systems.rendering.mirror_scene import put_mirror
 from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
 from nico_selfmodel.vision.images.motion_mask import picture_noise
-from nico_selfmodel.vision.surprise.blobs import surprising_places
+from nico_selfmodel.vision.surprise.blobs import threshold_of
 from nico_selfmodel.vision.surprise.seen_places import WEAK
 from nico_selfmodel.vision.surprise.surprise import (
     Surprise,
+    about_the_loose,
     as_before,
     log_likelihood,
     surprise,
@@ -35,6 +43,8 @@ COLORS = (COLOR_SIGMA, 0.02, 0.04, 0.08)
 """What colours and light of a link may turn out not to be known by, as a share."""
 POINTS = (2.5e-4, 3.5e-4, 5e-4, 7e-4, 1e-3, 1.4e-3, 2e-3, POINT_SIGMA)
 """What places of a link may turn out not to be known by [m]."""
+_STRANGE_SIGMA = 0.8
+"""Of where what is strange is seen, so that nothing within 3 px of it is judged [px]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +53,11 @@ class Told:
 
     likely: NDArray
     """Mean log likelihood of the pixels of each link. Shape (P, L)."""
-    surprising: NDArray
-    """Whether something of it is even weakly surprising. Shape (P, L)."""
+    share: NDArray
+    """Of its places those that are even weakly surprising. Shape (P, L)."""
+    strange: NDArray
+    """Number of the link that is so in each pixel of left and right picture, -1 where none is.
+    Shape (P, 2, h, w)."""
     links: Mapping[str, int]
     """Those that are judged, and which of L they are."""
 
@@ -52,9 +65,10 @@ class Told:
 def least_unknown(told: Callable[[float], Told]) -> Unknown:
     """Return how far each link looks otherwise than expected.
 
-    Of several sigmas of its place those count that leave nothing of the link even weakly
+    Of several sigmas of its place those count that leave next to nothing of the link even weakly
     surprising, for what is wrong there is wrong in every look, and noise adds to it; of them the
-    likeliest. Where there is none its colours are known less, by as little as leaves one: the light
+    likeliest. What is left is strange: a crack that is seen into, which tells of itself and not of
+    the link. Where no sigma does its colours are known less, by as little as leaves one: the light
     stands in the room, and is taken to stand with the robot, which may be turned there by some
     degrees. Where that leaves none the largest counts of its place.
 
@@ -64,17 +78,27 @@ def least_unknown(told: Callable[[float], Told]) -> Unknown:
     points: dict[str, float] = {}
     colors: dict[str, float] = {}
     likeliest: dict[str, float] = {}
+    strange: list[NDArray] = []
     for color in COLORS:
         found = told(color)
-        calm = np.where(found.surprising, -np.inf, found.likely)
+        calm = np.where(found.share > MOST_UNLIKE, -np.inf, found.likely)
         for name, k in found.links.items():
             likeliest.setdefault(name, POINTS[int(np.argmax(found.likely[:, k]))])
             if name not in points and np.isfinite(calm[:, k]).any():
-                points[name], colors[name] = POINTS[int(np.argmax(calm[:, k]))], color
+                best = int(np.argmax(calm[:, k]))
+                points[name], colors[name] = POINTS[best], color
+                strange.append(found.strange[best] == k)
         if found.links.keys() <= points.keys():
             break
     less = {name: color for name, color in colors.items() if color > COLOR_SIGMA}
-    return Unknown(points, POINT_SIGMA, likeliest, COLOR_SIGMA, less)
+    about = None if not strange else _about(np.any(strange, axis=0))
+    return Unknown(points, POINT_SIGMA, likeliest, COLOR_SIGMA, less, about)
+
+
+def _about(strange: NDArray) -> tuple[NDArray, NDArray]:
+    """Return what lies about strange places of left and right picture. Shape (h, w) each."""
+    left, right = (about_the_loose(np.where(one, _STRANGE_SIGMA, np.nan)) for one in strange)
+    return left, right
 
 
 class MirrorLooks:
@@ -270,7 +294,8 @@ class MirrorLooks:
     def _told(self, looks: Sequence[tuple[int, NDArray, LabelledPicture]], color: float) -> Told:
         """Return what looks tell of each of `POINTS`, with colours known to a share."""
         shape = len(POINTS), max(self._image.links) + 1
-        likely, counts, surprising = np.zeros(shape), np.zeros(shape), np.zeros(shape, dtype=bool)
+        likely, counts, places = np.zeros(shape), np.zeros(shape), np.zeros((2, *shape))
+        strange = np.full((len(POINTS), len(SIDES), *looks[0][2].labels.shape), -1, np.int16)
         for side, picture, seen in looks:
             for k, point in enumerate(POINTS):
                 unknown = Unknown({}, point, {}, color)
@@ -279,10 +304,15 @@ class MirrorLooks:
                 own = seen.labels[np.isfinite(each)]
                 likely[k] += np.bincount(own, each[np.isfinite(each)], shape[1])
                 counts[k] += np.bincount(own, minlength=shape[1])
-                for blob in surprising_places(surprise(picture, expected), WEAK):
-                    surprising[k, seen.labels[round(blob.v), round(blob.u)]] = True
-        judged = {name: k for k, name in self._image.links.items() if counts[0, k]}
-        return Told(likely / np.maximum(counts, 1.0), surprising, judged)
+                chi_square = surprise(picture, expected).chi_square
+                judged = np.isfinite(chi_square)
+                above = np.nan_to_num(chi_square) > threshold_of(int(judged.sum()), WEAK)
+                for found, which in zip(places, (above, judged), strict=True):
+                    found[k] += np.bincount(seen.labels[which], minlength=shape[1])
+                strange[k, side][above] = seen.labels[above]
+        links = {name: k for k, name in self._image.links.items() if counts[0, k]}
+        share = places[0] / np.maximum(places[1], 1.0)
+        return Told(likely / np.maximum(counts, 1.0), share, strange, links)
 
     def unlike(self, commands: Sequence[NDArray], links: Collection[str]) -> float:
         """Return which share of some links of the unmarked body does not look as expected.
@@ -302,7 +332,9 @@ class MirrorLooks:
         return max(shares)
 
     def _pictures(self) -> list[NDArray]:
-        return [self._station.picture(self.body.context, side) for side in SIDES]
+        found = [self._station.picture(self.body.context, side) for side in SIDES]
+        trim_memory()  # else what is rendered next comes on top of what these took
+        return found
 
     def _readings(self) -> NDArray:
         port = self._station.GetOutputPort("encoders")

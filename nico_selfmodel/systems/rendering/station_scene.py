@@ -33,7 +33,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from pydrake.systems.sensors import CameraInfo
 
 from nico_selfmodel.plant.model_in_plant import ModelInPlant
-from nico_selfmodel.systems.closing import Closable
+from nico_selfmodel.systems.closing import Closable, trim_memory
 from nico_selfmodel.systems.rendering.mounted_camera import Sight
 from nico_selfmodel.systems.rendering.renderer import check_renderer
 from nico_selfmodel.systems.rendering.stereo_cameras import RENDERER
@@ -141,6 +141,7 @@ def rest_renderer(scene_graph: SceneGraph, context: Context) -> None:
     query.RenderColorImage(ColorRenderCamera(core, False), frame, _BEYOND)
     query.RenderLabelImage(ColorRenderCamera(core, False), frame, _BEYOND)
     query.RenderDepthImage(DepthRenderCamera(core, depths), frame, _BEYOND)
+    trim_memory()
 
 
 def print_fiducial(

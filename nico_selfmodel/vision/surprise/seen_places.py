@@ -19,6 +19,8 @@ WEAK = 1.0
 """Places of a picture that may surprise where both cameras and both looks must agree."""
 _NEAR = 6.0
 """Surprising places as near to each other are one spot [px]."""
+_PLACES_ABOUT = 113
+"""Places within 6 px of one."""
 _BESIDE = 2
 """Places about one that must be judged for it to count as looked at [px]."""
 
@@ -28,6 +30,7 @@ def seen_places(
     rest: Surprise | None = None,
     shared: NDArray | None = None,
     where: Sequence[tuple[float, float]] = (),
+    body: NDArray | None = None,
 ) -> list[tuple[Blob, bool]]:
     """Return surprising places of one picture, and which of them are so beyond chance.
 
@@ -40,6 +43,9 @@ def seen_places(
         shared: What surprises by this and other pictures together. Shape (h, w).
         where: Columns and rows at which another camera's spot must be seen, if it is what that one
             takes it for. The places about them are few, so that less is weakly surprising there.
+        body: What shows the body, its outline too; what `own` judges if omitted. It is a tenth of
+            a picture, and has false alarms of its own, lest less be seen on it for all that is
+            beside it. Shape (h, w).
 
     Returns:
         Places, near ones as one, the largest first; and whether one place of each surprises as
@@ -47,14 +53,21 @@ def seen_places(
     """
     places = (own if rest is None else own.beside(rest)).chi_square
     together = np.zeros(places.shape, dtype=bool) if shared is None else shared
-    count = int(np.isfinite(places).sum())
-    certain = threshold_of(count, FALSE_ALARM)
+    shown = np.isfinite(own.chi_square) if body is None else body
+    certain, least = (_thresholds(places, shown, rate) for rate in (FALSE_ALARM, WEAK))
     filled = np.nan_to_num(places)
     sure = (filled > certain) | together
-    weak = (filled > threshold_of(count, WEAK)) | together | _expected(filled, where)
+    weak = (filled > least) | together | _expected(filled, where)
     above = _with_what_is_near(weak, filled)
     found = [(blob_of(i, places, certain), bool(sure[i].any())) for i in connected(above)]
     return _merged(found)
+
+
+def _thresholds(places: NDArray, body: NDArray, false_alarms: float) -> NDArray:
+    """Return what a place must exceed, by how many there are of the body or beside it. (h, w)."""
+    judged = np.isfinite(places)
+    own, rest = (threshold_of(int((judged & shown).sum()), false_alarms) for shown in (body, ~body))
+    return np.where(body, own, rest)
 
 
 def _expected(places: NDArray, where: Sequence[tuple[float, float]]) -> NDArray:
@@ -94,6 +107,22 @@ def _merged(found: list[tuple[Blob, bool]]) -> list[tuple[Blob, bool]]:
         else:
             merged.append((blob, sure))
     return merged
+
+
+def beyond_chance(first: Blob, second: Blob, places: int) -> bool:
+    """Return whether places of two pictures that may show one spot surprise together.
+
+    Of n places of one picture each has m = 113 in the other that may be of the same spot:
+
+        n m P(chi^2_6 > z_1^2 + z_2^2) < 0.01
+
+    Args:
+        first: Of one camera's picture.
+        second: Of the other's, of the same look.
+        places: n.
+    """
+    least = threshold_of(places * _PLACES_ABOUT, FALSE_ALARM, 6)
+    return first.chi_square + second.chi_square > least
 
 
 def spots_at(surprise: Surprise, u: float, v: float) -> list[Blob]:

@@ -92,7 +92,23 @@ class Surprise:
             )
         own = np.isfinite(self.chi_square)
         each = np.where(own, self.chi_square, other.chi_square)
-        return Surprise(each, self.gain, self.expected)
+        off, covariance = (
+            _rows_beside(own, other.chi_square, *rows)
+            for rows in ((self.off, other.off), (self.covariance, other.covariance))
+        )
+        return Surprise(each, self.gain, self.expected, off, covariance)
+
+
+def _rows_beside(
+    own: NDArray, places: NDArray, kept: NDArray | None, added: NDArray | None
+) -> NDArray | None:
+    """Return rows of judged places of one picture, and of another where it alone judges."""
+    if kept is None or added is None:
+        return None
+    judged = own | np.isfinite(places)
+    rows = np.empty((int(judged.sum()), *kept.shape[1:]))
+    rows[own[judged]], rows[~own[judged]] = kept, added[~own[np.isfinite(places)]]
+    return rows
 
 
 def as_before(
@@ -121,13 +137,15 @@ def as_before(
 def surprise(picture: NDArray, expected: Expectation) -> Surprise:
     """Hold a picture against what was expected.
 
-    With the picture I, the expectation E and one gain g for the look, and bars for means over the
-    3 x 3 pixels of a place,
+    With the picture I, the expectation E and one gain g for the look, and sums over the n = 9
+    pixels of a place,
 
-        z^2 = ē' (s_n^2 1 / 9 + mean (s_a^2 g^2 diag(M)^2 + g^2 V))^-1 ē,    e = I - g M
+        z^2 = ē' C^-1 ē,  C = (sum W)^-1,  ē = C sum W e
+        W = (s_n^2 1 + n (s_a^2 g^2 diag(M)^2 + g^2 V))^-1,  e = I - g M
 
     The camera's noise is another in each pixel; what colours and places are wrong by is alike in
-    neighbours, and does not become less in their mean.
+    neighbours, and does not become less in their mean: (sum a) (sum a)' is n sum a a' at most. A
+    pixel at an edge tells less than one beside it.
 
     s_n is the camera's noise and s_a what colours are not known by. V is what the expectation
     differs by because nobody knows to the pixel where it is seen: with d that displacement and S
@@ -149,22 +167,28 @@ def surprise(picture: NDArray, expected: Expectation) -> Surprise:
     judged, off, alike, noise, gain = held_against(picture, expected)
     border = {"borderType": cv2.BORDER_CONSTANT, "borderValue": (0.0,)}
     whole = cv2.erode(judged.astype(np.uint8), _PLACE, **border) > 0
-    means = [_mean_at(judged, whole, off[:, i]) for i in range(3)]
-    total = np.zeros((len(means[0]), 3, 3))
+    alike *= _PLACE.size
+    alike[:, range(3), range(3)] += noise
+    weight = np.linalg.inv(alike)
+    del alike  # as large as all that a picture of the room tells
+    told = np.einsum("nij,nj->ni", weight, off)
+    sums = np.stack([_sum_at(judged, whole, told[:, i]) for i in range(3)], axis=1)
+    total = np.empty((len(sums), 3, 3))
     for i, j in _PAIRS:
-        total[:, i, j] = total[:, j, i] = _mean_at(judged, whole, alike[:, i, j])
-    total[:, range(3), range(3)] += noise / _PLACE.size
-    mean = np.stack(means, axis=1)
+        total[:, i, j] = total[:, j, i] = _sum_at(judged, whole, weight[:, i, j])
+    del weight
+    covariance = np.linalg.inv(total)
+    mean = np.einsum("nij,nj->ni", covariance, sums)
     chi_square = np.full(judged.shape, np.nan)
-    chi_square[whole] = np.sum(mean * np.linalg.solve(total, mean[:, :, None])[:, :, 0], axis=1)
-    return Surprise(chi_square, gain, expected, mean, total)
+    chi_square[whole] = np.sum(mean * sums, axis=1)
+    return Surprise(chi_square, gain, expected, mean, covariance)
 
 
-def _mean_at(judged: NDArray, whole: NDArray, each: NDArray) -> NDArray:
-    """Return the means over 3 x 3 pixels of what is known at all judged ones, at the whole ones."""
+def _sum_at(judged: NDArray, whole: NDArray, each: NDArray) -> NDArray:
+    """Return the sums over 3 x 3 pixels of what is known at all judged ones, at the whole ones."""
     picture = np.zeros(judged.shape)
     picture[judged] = each
-    return cv2.blur(picture, _PLACE.shape)[whole]
+    return cv2.boxFilter(picture, -1, _PLACE.shape, normalize=False)[whole]
 
 
 def log_likelihood(picture: NDArray, expected: Expectation) -> NDArray:
