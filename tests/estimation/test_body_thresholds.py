@@ -19,11 +19,13 @@ from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree.contradictions import off_at_once
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, severity_of
 from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed
+from nico_selfmodel.estimation.tree.contradictions.sensor_noise import sensor_misfits
 from nico_selfmodel.estimation.tree.contradictions.standing_still import (
     check_that_it_moved,
     still_readings,
 )
 from nico_selfmodel.estimation.tree.contradictions.told_values import agreeing_start
+from nico_selfmodel.estimation.tree.contradictions.wrong_readings import gears_taken_for_noise
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_findings import described_words
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
@@ -75,6 +77,25 @@ def test_a_sensor_that_measures_five_times_worse_than_stated_fails(slider, times
     assert ("is off by" in words) is fails
 
 
+@pytest.mark.parametrize(("times", "fails"), [(4.9, False), (5.1, True)])
+def test_touches_missed_by_five_times_what_they_are_taken_for_fail(times, fails):
+    rows = SimpleNamespace(kind="contact", sensor=0, first=0, scalars=slice(0, 6))
+    held = {"noise_group": np.zeros(6, dtype=int), "sigma_held": np.array([True])}
+    white = np.append(np.full(5, times), np.nan)
+    noise = SimpleNamespace(sensor=np.array([1e-3]))
+    solution = SimpleNamespace(
+        variances_known=True, noise=noise, white_by_scalar=lambda seen: white
+    )
+    told = SimpleNamespace(
+        data=SimpleNamespace(sensors=[SensorInfo("bump", "contact")]),
+        solution=solution,
+        train=SimpleNamespace(observations=SimpleNamespace(sensors=[rows], **held)),
+    )
+    words = " ".join(sensor_misfits(told))
+    assert ("what sensor 'bump' measured is off by 5.1 mm, it is taken to be" in words) is fails
+    assert bool(words) is fails
+
+
 @pytest.mark.parametrize(("times", "asked"), [(9.8, False), (10.2, True)])
 def test_a_sensor_that_measures_ten_times_better_than_stated_is_doubted(slider, times, asked):
     words = with_noise(slider, sensor=np.array([SIGMA / times]))
@@ -89,11 +110,52 @@ def test_noise_of_a_twentieth_of_what_a_sensor_saw_explains_nothing(slider, shar
     assert ("the body does not explain it" in words) is fails
 
 
+@pytest.mark.parametrize(("share", "blamed"), [(0.49, False), (0.51, True)])
+def test_a_length_is_to_blame_where_it_explains_half_of_what_nothing_does(slider, share, blamed):
+    measured = slider.train.observations.sensors[0].measured
+    noise = 0.06 * np.sqrt(np.var(measured[:, :3], axis=0).sum())
+    solution = slider.solution
+    solution = replace(solution, noise=replace(solution.noise, sensor=np.array([noise])))
+    bent = replace(slider, solution=solution)
+    score = HeldScore(share * measured.size, np.array([0.2]), np.array([0.01]), measured.size)
+    bent.__dict__["held"] = {"tracker": score}
+    assert ("times as long as all else says" in " ".join(judge(bent).reasons)) is blamed
+
+
 @pytest.mark.parametrize(("degrees", "fails"), [(14.8, False), (15.2, True)])
 def test_turns_that_are_off_by_fifteen_degrees_are_no_noise(turning, degrees, fails):
     sensor = np.array([4e-4, np.radians(degrees)])
     words = with_noise(turning, sensor=sensor)
     assert ("the body does not explain it" in words) is fails
+
+
+@pytest.mark.parametrize(
+    ("slope", "scatter", "count", "named"),
+    [
+        (-0.05, 0.0, 30, True),
+        (-0.0105, 0.0, 30, True),
+        (-0.0095, 0.0, 30, False),
+        (-0.05, 0.32, 30, True),
+        (-0.05, 0.35, 30, False),
+        (-0.05, 0.0, 10, True),
+        (-0.05, 0.0, 9, False),
+    ],
+)
+def test_errors_that_follow_a_joint_s_reading_are_its_gear_s(slope, scatter, count, named):
+    q = np.where(np.arange(30) % 2, 1.0, -1.0)
+    other = np.where(np.arange(30) % 4 < 2, 1.0, -1.0)
+    other -= q * (q @ other) / (q @ q)
+    errors = slope * (q + scatter * other * np.sqrt(30.0 / (other @ other)))
+    errors[count:] = 0.0
+    data = SimpleNamespace(
+        joints=[SimpleNamespace(name="elbow", gear_known=True)], si_readings=q[:, None]
+    )
+    seen = SimpleNamespace(noisy_joints=[(0, 0)], data=data)
+    noise = SimpleNamespace(loud={0})
+    found = gears_taken_for_noise(seen, SimpleNamespace(noise=noise, joint_errors=errors[:, None]))
+    assert [gear.name for gear in found] == ["elbow.gear"] * named
+    if named:
+        assert found[0].value == pytest.approx(1.0 / (1.0 + slope), rel=0.02)
 
 
 @pytest.mark.parametrize(("times", "named"), [(1.95, False), (2.05, True)])

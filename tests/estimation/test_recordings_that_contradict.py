@@ -2,16 +2,20 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from nico_selfmodel.dataset.body.body_dataset import ANY_POSE
 from nico_selfmodel.dataset.body.sensors import CAMERA, SensorInfo
+from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.results.calibration_result import FAILURE, NOTE, WARNING
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, severity_of
 from nico_selfmodel.estimation.tree.contradictions.wrong_readings import poses_off
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+from nico_selfmodel.estimation.tree.tree_findings import distance_words
 from nico_selfmodel.estimation.tree.tree_result import tree_result
 from nico_selfmodel.estimation.tree.tree_setup import Description
 
@@ -150,6 +154,39 @@ def test_poses_whose_readings_are_of_other_poses_fail_with_their_samples():
     assert wrong.status == "FAIL"
     (said,) = (text for text in wrong.reasons if "most of what was seen contradicts" in text)
     assert set(map(int, re.findall(r"\d+", said.split("samples")[1]))) <= {*range(8, 16)}
+
+
+@pytest.mark.slow
+def test_a_known_distance_that_is_wrong_is_named():
+    data = two_arms(3, torso=0, poses=30, distances=KNOWN).data
+    ruler = np.flatnonzero(data.observations.pose == ANY_POSE)
+    values = data.observations.values.copy()
+    values[ruler[1], 0] += 8e-3
+    wrong = verdict(replace(data, observations=replace(data.observations, values=values)))
+    (said,) = (text for text in wrong.warnings if "distances contradict the rest" in text)
+    assert "left_tag2 and left_tag3" in said
+    assert "left_tag0" not in said
+
+
+def test_a_distance_of_two_links_that_has_no_sample_is_refused_with_its_markers():
+    data = two_arms(3, torso=0, poses=4, distances=KNOWN).data
+    markers = [replace(m, on="left5") if m.name == "left_tag1" else m for m in data.markers]
+    with pytest.raises(DataError, match="left_tag0 on left6, left_tag1 on left5"):
+        replace(data, markers=tuple(markers))
+
+
+def test_distances_that_are_left_out_are_named_with_what_they_miss():
+    data = two_arms(3, torso=0, poses=4, distances=KNOWN).data
+    row = int(np.flatnonzero(data.observations.pose == ANY_POSE)[1])
+    out = np.arange(len(data.observations)) == row
+    left = SimpleNamespace(by_row=lambda: 0.0123 * out)
+    solution = SimpleNamespace(outliers=out)
+    (said,) = distance_words(SimpleNamespace(data=data, solution=solution, train=left))
+    told = f"left_tag2 and left_tag3 (told {1e3 * data.observations.values[row, 0]:.1f} mm"
+    assert f"{told}, off by 12.3 mm)" in said
+    solution.outliers = ~out
+    solution.outliers[data.observations.pose == ANY_POSE] = False
+    assert not distance_words(SimpleNamespace(data=data, solution=solution, train=left))
 
 
 @pytest.mark.parametrize(("poses", "many"), [(3, False), (4, True)])

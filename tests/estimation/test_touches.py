@@ -12,7 +12,7 @@ from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body
 from nico_selfmodel.dataset.body.sensors import MarkerInfo, SensorInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.judging import judge
-from nico_selfmodel.estimation.results.calibration_result import FAILURE
+from nico_selfmodel.estimation.results.calibration_result import LAST
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree import tree_findings
 from nico_selfmodel.estimation.tree.contradictions.contradiction_words import missed_touches
@@ -223,11 +223,11 @@ def test_a_distance_that_is_known_tells_how_large_the_body_is():
 
 def test_touches_noted_at_poses_that_touched_nothing_fail_and_are_named(at_a_plane):
     _, data, _, sound = at_a_plane
-    assert not any("is missed by" in said for said in tree_result(sound).texts(FAILURE))
+    assert not any("is missed by" in said for said in tree_result(sound).texts(LAST))
     table = data.observations
     pose = np.where(table.sensor == 1, table.pose - 60, table.pose)
     mixed = replace(data, observations=replace(table, pose=pose))
-    failed = tree_result(calibrate_tree(mixed, effects=())).texts(FAILURE)
+    failed = tree_result(calibrate_tree(mixed, effects=())).texts(LAST)
     assert any("what 'table' tells is missed by" in said for said in failed)
 
 

@@ -340,10 +340,8 @@ def _check_readings(data: BodyDataset) -> None:
         else:
             bad, what = ~np.isfinite(data.readings[:, i]), "the reading"
         if bad.any():
-            raise DataError(
-                f"sample {data.sample[np.argmax(bad)]}: {what} of joint {joint.name!r} is missing "
-                "or not finite"
-            )
+            where = f"sample {data.sample[np.argmax(bad)]}: {what} of joint {joint.name!r}"
+            raise DataError(f"{where} is missing or not finite")
 
 
 def _check_observations(data: BodyDataset) -> None:
@@ -377,9 +375,11 @@ def _check_observations(data: BodyDataset) -> None:
     on = np.array([data.on_link(m.on) for m in data.markers])
     loose = (table.pose == ANY_POSE) & (~pairs | (on[table.marker] != on[table.other]))
     if loose.any():
+        row = int(np.argmax(loose))
+        both = [data.markers[i] for i in (table.marker[row], table.other[row]) if i >= 0]
         raise DataError(
-            f"observation {int(np.argmax(loose))} has no sample: only the distance of two markers "
-            "of one link is the same in all of them"
+            f"observation {row} ({listed([f'{m.name} on {m.on}' for m in both])}) has no sample: "
+            "only the distance of two markers of one link is the same in all of them"
         )
 
 

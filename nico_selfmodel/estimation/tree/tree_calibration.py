@@ -18,6 +18,7 @@ from nico_selfmodel.estimation.diagnosis.flatness import Flatness
 from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend
 from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boards
 from nico_selfmodel.estimation.tree.compared_errors import usual_errors
+from nico_selfmodel.estimation.tree.contradictions.against_the_rest import refuse_odd_sensor
 from nico_selfmodel.estimation.tree.contradictions.heavy_tails import noise_to_expect
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, held_scores
 from nico_selfmodel.estimation.tree.contradictions.no_pose_tells import told_by_no_pose
@@ -220,10 +221,11 @@ def calibrate_tree(
     moving = moving_joints(data, TreeParameters(blank))
     check_that_it_moved(data, moving, described=description is not None)
 
-    def search(data: BodyDataset) -> FoundStart:
-        return searched_start(data, blank, description, wishes, seed, guessed)
+    def search(data: BodyDataset, most: int | None = None) -> FoundStart:
+        return searched_start(data, blank, description, wishes, seed, guessed, most)
 
     found = start_in_stated_units(data, moving, search, described=description is not None)
+    refuse_odd_sensor(found, data, search, seed)
     first = agreeing_start(found.start, found.tree, wishes, found.scalars, found.begin)
     held, masses = frozenset(wishes.pins.pinned), description and description.masses
     bends = partial(_bent, held=held, effects=effects, up=up, seed=seed, masses=masses)
@@ -319,9 +321,8 @@ def _finished(
     residuals = problem.residuals
     parameters = residuals.parameters
     tree = parameters.tree_of(solution.values)
-    described = None
-    if description is not None:
-        described = _as_described(problem, solution, data if test is None else test)
+    seen = data if test is None else test
+    described = description and _as_described(problem, solution, seen)
     uncertainty = ladder.in_doubt(_uncertainty(problem, solution, setup), ladder.solution.posture)
     told = parameters.names if anew else tuple(setup.fixed)  # known before, all is told
     unplaced = unplaced_markers(data, ~solution.outliers, uncertainty, told)

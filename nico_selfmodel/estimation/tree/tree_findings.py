@@ -3,14 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.sensors import CAMERA, FIRST_SIGMA, SIGHTS
+from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
+from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, FIRST_SIGMA, SIGHTS
 from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
 from nico_selfmodel.estimation.diagnosis.flatness import bent_reasons
-from nico_selfmodel.estimation.diagnosis.gear_check import gear_words
+from nico_selfmodel.estimation.diagnosis.gear_check import DoubtfulGear, gear_words
 from nico_selfmodel.estimation.noise.hand_noise import LARGEST_JOINT_NOISE
 from nico_selfmodel.estimation.results.calibration_result import (
     FAILURE,
+    LAST,
     MISFIT,
     NOTE,
     WARNING,
@@ -20,6 +21,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
 from nico_selfmodel.estimation.tree.compared_errors import alone_off
 from nico_selfmodel.estimation.tree.contradictions.contradiction_words import (
     contradiction_findings,
+    missed_touches,
     size_words,
 )
 from nico_selfmodel.estimation.tree.contradictions.exchanged_markers import exchanged_markers
@@ -28,10 +30,12 @@ from nico_selfmodel.estimation.tree.contradictions.moved_meanwhile import moved_
 from nico_selfmodel.estimation.tree.contradictions.off_at_once import sensors_off_at_once
 from nico_selfmodel.estimation.tree.contradictions.sensor_noise import (
     loose_sigmas,
+    noisy_joints,
     sensor_misfits,
     unexplained_sensors,
 )
 from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
+from nico_selfmodel.estimation.tree.contradictions.wrong_readings import gears_taken_for_noise
 from nico_selfmodel.estimation.tree.guesses.flange_guess import CHECK_FLANGE
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
@@ -80,15 +84,19 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
         *exchanged_markers(calibration),
         *sensors_off_at_once(calibration),
         *_outlier_words(calibration),
+        *distance_words(calibration),
         *([change.warning] if change is not None and change.warning else []),
     ]
     changed = [change.reason] if change is not None and change.reason else []
     return (
         *contradiction_findings(calibration),
-        *findings(MISFIT, [*sensor_misfits(calibration), *unexplained]),
-        *findings(FAILURE, [*changed, *_noise_reasons(calibration)]),
+        *findings(
+            MISFIT, [*_noise_reasons(calibration), *sensor_misfits(calibration), *unexplained]
+        ),
+        *findings(FAILURE, changed),
         *findings(FAILURE, bent_reasons(calibration.flatness)),
-        *findings(FAILURE, gear_words(ladder.doubtful_gears)),
+        *findings(FAILURE, gear_words(_doubtful_gears(calibration))),
+        *findings(LAST, missed_touches(calibration)),
         *findings(WARNING, [*bending_warnings(ladder, calibration.at), *doubts]),
         *findings(NOTE, said),
     )
@@ -165,13 +173,7 @@ def _assumed_sigmas(calibration: TreeCalibration) -> list[str]:
 
 
 def _noise_reasons(calibration: TreeCalibration) -> list[str]:
-    solution, data = calibration.solution, calibration.data
-    noisy = calibration.train.observations.noisy_joints
-    turning = {
-        data.joints[i].name: sigma
-        for (i, _), sigma in zip(noisy, solution.noise.joint.tolist(), strict=True)
-        if data.joints[i].motion == REVOLUTE and sigma > LARGEST_JOINT_NOISE
-    }
+    data, turning = calibration.data, noisy_joints(calibration)
     if not turning:
         return []
     worst = np.degrees(max(turning.values()))
@@ -215,10 +217,18 @@ def _slip_words(calibration: TreeCalibration) -> list[str]:
     ]
 
 
+def _doubtful_gears(calibration: TreeCalibration) -> list[DoubtfulGear]:
+    """Return gears that contradict their units, by the ladder or in what is taken for noise."""
+    found = [*calibration.ladder.doubtful_gears]
+    if found or unexplained_sensors(calibration):
+        return found
+    return gears_taken_for_noise(calibration.train.observations, calibration.solution)
+
+
 def _loud_words(calibration: TreeCalibration) -> list[str]:
     """Name joints that are read less surely than those they were taken for alike."""
     noise, noisy = calibration.solution.noise, calibration.train.observations.noisy_joints
-    contradicted = {gear.name.removesuffix(".gear") for gear in calibration.ladder.doubtful_gears}
+    contradicted = {gear.name.removesuffix(".gear") for gear in _doubtful_gears(calibration)}
     out = []
     for k in sorted(noise.loud):
         joint = calibration.data.joints[noisy[k][0]]
@@ -302,6 +312,25 @@ def _outlier_words(calibration: TreeCalibration) -> list[str]:
         f"{int(outliers.sum())} of {len(table)} observations contradict the rest and were left "
         f"out: {listed(named)}; check their labels{which}"
     ]
+
+
+def distance_words(calibration: TreeCalibration) -> list[str]:
+    """Name known distances that contradict the rest.
+
+    Args:
+        calibration: What was learned.
+    """
+    data, outliers = calibration.data, calibration.solution.outliers
+    table, far, said = data.observations, calibration.train.by_row(), list[str]()
+    kinds = np.array([sensor.kind for sensor in data.sensors])
+    for row in np.flatnonzero(outliers & (kinds[table.sensor] == DISTANCE)).tolist():
+        pair = " and ".join(data.markers[i].name for i in (table.marker[row], table.other[row]))
+        when = "" if table.pose[row] == ANY_POSE else f" in sample {data.sample[table.pose[row]]}"
+        told = f"told {1e3 * table.values[row, 0]:.1f} mm, off by {1e3 * far[row]:.1f} mm"
+        said.append(f"{pair}{when} ({told})")
+    if not said:
+        return []
+    return [f"distances contradict the rest and were left out: {listed(said)}; measure them again"]
 
 
 def _sights_off(data: BodyDataset, outliers: NDArray) -> tuple[list[str], NDArray]:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.alike_errors import AlikeErrors, Decorrelation
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 
 _SETTLED = 0.02
 """Relative change of a sigma below which it is the same."""
@@ -92,3 +93,10 @@ class TreeSolution:
         real = visits < len(self.slipped)
         slipped[real] = self.slipped[visits[real]]
         return slipped
+
+    def white_by_scalar(self, seen: TreeObservations) -> NDArray:
+        """Return what is left of each number, whitened; nan of outliers. Shape (R,)."""
+        kept = seen.groups(self.outliers).rows
+        white = np.full(len(seen.row), np.nan)
+        white[np.sort(kept)] = self.rest[: len(kept)]
+        return white

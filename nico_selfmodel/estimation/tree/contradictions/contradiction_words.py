@@ -12,6 +12,10 @@ from nico_selfmodel.estimation.tree.contradictions.held_scores import (
     severity_of,
     size_of,
 )
+from nico_selfmodel.estimation.tree.contradictions.sensor_noise import (
+    CHECK_TOUCHES,
+    unexplained_scalars,
+)
 from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
 from nico_selfmodel.estimation.tree.contradictions.views_apart import views_apart
 from nico_selfmodel.estimation.tree.contradictions.wrong_readings import (
@@ -31,6 +35,8 @@ _NOTABLE = 0.005
 """Share of a lens' focal length, or of a length, below which it is not worth a word."""
 _LARGEST_SHARE = 0.1
 """Noise that is so much of what a joint that slides moved is none."""
+_EXPLAINED = 0.5
+"""Part of what a body does not explain that a lens or length must, to be what is wrong."""
 _VAGUE = 0.1
 """And the share to which it must be known: of poses in another frame no length fits."""
 _LARGEST_MISS = 0.03
@@ -68,7 +74,7 @@ def contradiction_findings(calibration: TreeCalibration) -> list[Finding]:
         found.append(Finding(FAILURE, text))
     # A known body is held against poses as what it knows of noise and itself tells.
     poses = [] if calibration.anew else _of_poses(calibration)
-    return [*found, *poses, *missed_touches(calibration)]
+    return [*found, *poses]
 
 
 def _of_poses(calibration: TreeCalibration) -> list[Finding]:
@@ -92,7 +98,7 @@ def _of_poses(calibration: TreeCalibration) -> list[Finding]:
     ]
 
 
-def missed_touches(calibration: TreeCalibration) -> list[Finding]:
+def missed_touches(calibration: TreeCalibration) -> list[str]:
     """Say which touches and distances are missed by what is no noise.
 
     Args:
@@ -101,12 +107,8 @@ def missed_touches(calibration: TreeCalibration) -> list[Finding]:
     left = calibration.train.of_touches(~calibration.solution.outliers)
     missed = {name: float(np.sqrt(np.mean(far**2))) for name, far in left.items()}
     return [
-        Finding(
-            FAILURE,
-            f"what {name!r} tells is missed by {1e3 * rms:.3g} mm (rms), on a body of "
-            f"{1e3 * calibration.size:.0f} mm: check which marker touched what, whether that moved "
-            "in between (each place is a sensor of its own), and the readings of these poses",
-        )
+        f"what {name!r} tells is missed by {1e3 * rms:.3g} mm (rms), on a body of "
+        f"{1e3 * calibration.size:.0f} mm: {CHECK_TOUCHES}"
         for name, rms in missed.items()
         if rms > _LARGEST_MISS * calibration.size
     ]
@@ -132,11 +134,11 @@ def _sliding(calibration: TreeCalibration) -> list[Finding]:
 def _of_sensors(calibration: TreeCalibration, *, lengths: bool) -> list[Finding]:
     """Say which lenses and lengths the recording contradicts; all lenses in one sentence."""
     lenses: dict[str, list[str]] = {}
-    found = []
+    found, least = [], _EXPLAINED * unexplained_scalars(calibration)
     for name, score in calibration.held.items():
         severity = severity_of(score)
         lens = calibration.tree.lenses.get(name)
-        if not severity or not _is_worth(score, lens):
+        if not severity or not _is_worth(score, lens) or score.gain < least:
             continue
         if lens is not None:
             lenses.setdefault(severity, []).append(_wish(name, lens, score))

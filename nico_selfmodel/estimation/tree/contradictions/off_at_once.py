@@ -28,10 +28,7 @@ def sensors_off_at_once(calibration: TreeCalibration) -> list[str]:
         calibration: What was learned.
     """
     solution, seen = calibration.solution, calibration.train.observations
-    kept = seen.groups(solution.outliers).rows
-    white = np.full(len(seen.row), np.nan)
-    white[np.sort(kept)] = solution.rest[: len(kept)]
-    words = []
+    white, words = solution.white_by_scalar(seen), list[str]()
     for rows in (rows for rows in seen.sensors if rows.kind in SIGHTS):
         left = white[rows.scalars].reshape(rows.measured.shape)[:, :3]
         counts = np.isfinite(left).all(axis=1)

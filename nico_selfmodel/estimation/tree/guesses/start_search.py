@@ -53,6 +53,7 @@ def searched_start(
     wishes: Wishes,
     seed: int,
     guessed: Collection[str] = (),
+    most: int | None = None,
 ) -> FoundStart:
     """Try first bodies until two agree, on some of the samples where there are many.
 
@@ -63,6 +64,7 @@ def searched_start(
         wishes: What the user holds, frees or knows.
         seed: Of what is drawn.
         guessed: Cameras whose lenses are hardly known.
+        most: First bodies that are tried at most.
 
     Raises:
         DataError: If the recording cannot tell a first body, or nothing stands for the world.
@@ -83,7 +85,7 @@ def searched_start(
         costs.append(start.cost / tried.scalars)
         if best is None or start.cost < best[0].cost:
             best = start, tree
-        if agreeing(costs) >= 2:
+        if agreeing(costs) >= 2 or len(costs) == most:
             break
     assert best is not None
     start, tree = best

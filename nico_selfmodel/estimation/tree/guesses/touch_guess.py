@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
 from nico_selfmodel.dataset.body.sensors import CONTACT, DISTANCE, PLANE, SIGHTS
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.tree.guesses.meeting_places import meeting_places
 from nico_selfmodel.estimation.tree.tree_parameters import APART
 from nico_selfmodel.estimation.tree.tree_setup import parts_of
 from nico_selfmodel.geometry.plane import Plane
@@ -87,6 +88,10 @@ class Touches:
             markers[m] = replace(markers[m], X_LA=transform(np.eye(3), place))
         tree = tree.with_markers(tuple(markers))
         motion = TreeMotion.at(tree, self.data.si_readings, self.data.X_flange)
+        if met := self._met(motion):
+            markers = [met.get(m, marker) for m, marker in enumerate(tree.markers)]
+            tree = tree.with_markers(tuple(markers))
+            motion = TreeMotion.at(tree, self.data.si_readings, self.data.X_flange)
         told = {s.name for s in self.data.sensors if s.X_LS is not None}
         planes = tuple(
             plane if plane.name in told else self._plane(motion, plane) for plane in tree.planes
@@ -130,6 +135,31 @@ class Touches:
     def _apart(self, motion: TreeMotion, name: str) -> float:
         rows = self._rows_of(name)
         return float(np.median(self._lengths(motion, rows))) if len(rows) else 0.0
+
+    def _met(self, motion: TreeMotion) -> dict[int, Attached]:
+        """Return markers that nothing sees where contacts and distances put them, if enough do."""
+        table, tree = self.data.observations, motion.tree
+        kinds = np.array([sensor.kind for sensor in self.data.sensors])[table.sensor]
+        asked = np.isin(kinds, (CONTACT, DISTANCE)) & (table.pose != ANY_POSE) & self.rows
+        rows = np.flatnonzero(asked)
+        ends = np.stack([table.marker[rows], table.other[rows]], axis=1)
+        _, sensor = np.unique(table.sensor[rows], return_inverse=True)
+        met = np.intersect1d(ends, self.markers)
+        if not len(met) or len(rows) <= 3 * len(met) + sensor.max() + 1:
+            return {}
+        on, at = (
+            np.array([m.on for m in tree.markers]),
+            np.stack([m.X_LA[:3, 3] for m in tree.markers]),
+        )
+        lengths = np.where(kinds[rows] == DISTANCE, table.values[rows, 0], 1.0)
+        R = motion.R_WL[on[ends], :, :, table.pose[rows, None]]
+        p = motion.p_WL[on[ends], :, table.pose[rows, None]]
+        own = ends[:, :, None] == met
+        found = meeting_places(R, p, at[ends], own, sensor, lengths)
+        return {
+            m: replace(tree.markers[m], X_LA=transform(np.eye(3), place))
+            for m, place in zip(met.tolist(), found, strict=True)
+        }
 
     def _flattest(self, motion: TreeMotion, marker: int) -> NDArray:
         """Return where on its link a marker is nearest to planes of what it touched. (3,)."""

@@ -1,0 +1,110 @@
+"""A sensor that contradicts all the others: without it the recording fits."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.sensors import DISTANCE, SIGHTS
+from nico_selfmodel.errors import DataError, SelfModelError
+from nico_selfmodel.estimation.noise.hand_noise import LARGEST_NOISE
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart
+from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
+from nico_selfmodel.estimation.tree.tree_setup import moving_joints
+from nico_selfmodel.optimization.losses import robust_scale
+
+_SMALLER = 0.3
+"""Part of the errors that may be left without a sensor that is wrong: a noisy robot keeps its. Two
+that leave less unlike errors than this may both be."""
+_TRIED = 40
+"""Samples on which sensors are left out, drawn at random."""
+_FEWEST = 10
+"""Observations of a link that tell how large errors usually are."""
+_STARTS = 2
+"""First bodies that are tried for each; as many as ever where errors fall, but are no noise yet."""
+
+Search = Callable[[BodyDataset, int | None], FoundStart]
+"""Finds a first body of a recording, of so many at most if that is told."""
+
+
+def refuse_odd_sensor(found: FoundStart, data: BodyDataset, search: Search, seed: int) -> None:
+    """Refuse a recording that no body explains, but for one of several sensors that may be wrong.
+
+    Each sensor in turn is left out where some errors are no noise. It is wrong where a body learned
+    without explains all others, and these see all joints that it sees: else a joint may be wrong.
+
+    Args:
+        found: The first body of all.
+        data: The recording.
+        search: Finds a first body.
+        seed: Of which samples are drawn.
+
+    Raises:
+        DataError: If there are such sensors.
+    """
+    worst = largest_error(found, data)
+    if worst < LARGEST_NOISE:
+        return
+    drawn = np.random.default_rng((seed, 11)).permutation(len(data.sample))
+    few, parameters = data.select(drawn < _TRIED), found.start.parameters
+    left_by = dict[str, float]()
+    for s, sensor in enumerate(data.sensors):
+        rest = few.observations.sensor != s
+        if sensor.kind not in (*SIGHTS, DISTANCE) or rest.all() or not rest.any():
+            continue
+        left = few.of_rows(rest)
+        if (moving_joints(left, parameters) != moving_joints(few, parameters)).any():
+            continue
+        for most in (_STARTS, None):
+            try:
+                left_by[sensor.name] = largest_error(search(left, most), left)
+            except SelfModelError:
+                break
+            if not LARGEST_NOISE < left_by[sensor.name] < _SMALLER * worst:
+                break
+    least = min(left_by.values(), default=np.inf)
+    if least < min(LARGEST_NOISE, _SMALLER * worst):
+        wrong = [name for name, error in left_by.items() if error < least / _SMALLER]
+        raise DataError(_words(wrong, data.name))
+
+
+def largest_error(found: FoundStart, data: BodyDataset) -> float:
+    """Return the largest usual error of what a sensor saw of a link, in the spread of all it saw.
+
+    Args:
+        found: A first body.
+        data: The recording.
+    """
+    seen, start = TreeObservations.of(data), found.start
+    r = TreeResiduals(seen, start.parameters).residuals(start.values)
+    largest = 0.0
+    for rows in (rows for rows in seen.sensors if rows.kind in SIGHTS):
+        off = np.linalg.norm(r[rows.scalars].reshape(rows.measured.shape)[:, :3], axis=1)
+        link, k = data.seen_on[rows.rows], min(rows.measured.shape[1], 3)
+        of_links = (off[link == one] for one in np.unique(link))
+        usual = [robust_scale(own, k) for own in of_links if len(own) >= _FEWEST]
+        largest = max(largest, max(usual, default=0.0) / spread_of(rows))
+    return largest
+
+
+def spread_of(rows: SensorRows) -> float:
+    """Return how far what a sensor saw is spread [m or px]."""
+    squares = float(np.sum(np.var(rows.measured[:, :3], axis=0)))
+    return max(np.sqrt(squares), np.finfo(float).tiny)
+
+
+def _words(wrong: list[str], name: str) -> str:
+    check = (
+        "check units, lenses, the order and direction of axes (u, v; x, y, z are right-handed), "
+        "names and links of markers, and that readings and what was seen are of the same moments"
+    )
+    if len(wrong) == 1:
+        return (
+            f"what sensor {wrong[0]!r} of data set {name!r} tells contradicts all the rest, which "
+            f"fits without it: {check}"
+        )
+    return (
+        f"sensors of data set {name!r} contradict each other, without "
+        f"{' or '.join(map(repr, wrong))} the rest fits: {check}"
+    )
