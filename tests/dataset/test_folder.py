@@ -103,7 +103,7 @@ def datasets(draw):
     )
 
 
-@settings(suppress_health_check=[HealthCheck.too_slow], max_examples=60)
+@settings(suppress_health_check=[HealthCheck.too_slow])
 @given(dataset=datasets())
 def test_any_data_set_survives_the_round_trip(dataset, tmp_path_factory):
     folder = tmp_path_factory.mktemp("round") / "trip"

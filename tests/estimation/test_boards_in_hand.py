@@ -328,6 +328,7 @@ def test_a_real_corner_of_mirrors_is_right_angled(corner):
     assert found.solution.outliers.sum() <= 4
 
 
+@pytest.mark.slow
 @pytest.mark.real_data
 def test_real_reflections_are_predicted_where_boards_are_seen_once_more(corner):
     train, test = corner.split(0.3, 0)

@@ -156,6 +156,7 @@ def test_a_tracker_that_the_body_does_not_know_the_noise_of_is_told():
         check_body_health(silent, recorded)
 
 
+@pytest.mark.slow
 def test_a_marker_that_was_seen_only_by_mistake_spoils_no_noise():
     data = two_arms(2, poses=40, distances=KNOWN).data
     table = data.observations
