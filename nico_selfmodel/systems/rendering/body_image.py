@@ -28,7 +28,6 @@ from nico_selfmodel.systems.rendering.cropped_render import CroppedRender, Label
 from nico_selfmodel.systems.rendering.station_scene import (
     add_renderer,
     remove_scene,
-    rest_renderer,
 )
 from nico_selfmodel.systems.rendering.stereo_cameras import RENDERER
 from nico_selfmodel.vision.images.lens_warp import LensWarp
@@ -244,9 +243,8 @@ class BodyImage(Closable, LeafSystem):
 
     def _bent(self, k: int, mirror: Mirror | None) -> LabelledPicture:
         """Render one camera's pictures and bend them by its lens."""
-        scene = self.__scene
-        context = scene.GetMyContextFromRoot(self.__context)
-        query = scene.get_query_output_port().Eval(context)
+        context = self.__scene.GetMyContextFromRoot(self.__context)
+        query = self.__scene.get_query_output_port().Eval(context)
         seen, warp = self._render(query, k, None), self._warps[k]
         if mirror is not None:
             plane = mirror.plane_in(self._X_BW @ self._cameras[0].X_WC)
@@ -255,7 +253,6 @@ class BodyImage(Closable, LeafSystem):
             np.copyto(seen.color, reflected.color, where=before[:, :, None])
             np.copyto(seen.depth, reflected.depth, where=before)
             np.copyto(seen.labels, reflected.labels, where=before)
-        rest_renderer(scene, context)
         return LabelledPicture(
             warp.apply(seen.color),
             warp.nearest(seen.depth, np.inf),

@@ -22,6 +22,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
+from nico_selfmodel.systems.closing import trim_memory
 from nico_selfmodel.systems.rendering.outlines import Beside, Outlines
 from nico_selfmodel.systems.rendering.turned_view import TurnedView
 
@@ -31,8 +32,9 @@ _STEP = 64
 """Sides of what is rendered are multiples of this, so that buffers can be used again [px]."""
 _NEAR, _FAR = 0.01, 4.99
 """What is nearer is cut off, unless told otherwise, and how much farther is rendered [m]."""
-
-
+_SMALL, _BEYOND = 64, RigidTransform(p=[0.0, 0.0, 50.0])
+"""Side of a picture of nothing [px], and from where one sees nothing upwards."""
+_SMALL_K = np.array([[_SMALL, 0.0, _SMALL / 2], [0.0, _SMALL, _SMALL / 2], [0.0, 0.0, 1.0]])
 _REMEMBERED = 1000
 """Boxes beside the camera that are remembered at most."""
 _MARGIN = 4
@@ -209,27 +211,45 @@ class CroppedRender:
         Raises:
             RuntimeError: If the scene graph has no such renderer.
         """
-        left, top, right, bottom = window = self._window(query)
-        core = self._camera(self._cropped(window), (right - left, bottom - top)).core()
-        camera = DepthRenderCamera(core, DepthRange(self.near, self.near + _FAR))
+        window = self._window(query)
+        depth = self._depths(query, window)
+        return self._whole(query, window), depth
+
+    def _depths(self, query: QueryObject, window: Window) -> NDArray:
+        """Return distances in a window, inf elsewhere. Shape (h, w)."""
+        left, top, right, bottom = window
+        camera = self._ranging(self._cropped(window), (right - left, bottom - top))
         depth = np.full((self.size[1], self.size[0]), np.inf, np.float32)
         found = query.RenderDepthImage(camera, self.frame, self.X_FC)
         # What is too near to be measured has depth 0 in Drake; it is drawn where clipping begins.
         depth[top:bottom, left:right] = np.maximum(found.data[:, :, 0], self.near)
-        return self._whole(query, window), depth
+        return depth
+
+    def _ranging(self, K: NDArray, size: tuple[int, int]) -> DepthRenderCamera:
+        core = self._camera(K, size).core()
+        return DepthRenderCamera(core, DepthRange(self.near, self.near + _FAR))
 
     def with_labels(self, query: QueryObject) -> LabelledPicture:
         """Render colours, distances and labels.
 
+        A renderer keeps buffers as large as its last picture of each kind, 0.1 GB in all: before it
+        draws the next kind, a small picture of nothing takes their place.
+
         Raises:
             RuntimeError: If the scene graph has no such renderer.
         """
-        color, depth = self.with_depth(query)
         left, top, right, bottom = window = self._window(query)
+        small, nowhere = (_SMALL_K, (_SMALL, _SMALL)), (query.inspector().world_frame_id(), _BEYOND)
+        depth = self._depths(query, window)
+        query.RenderDepthImage(self._ranging(*small), *nowhere)
+        color = self._whole(query, window)
+        query.RenderColorImage(self._camera(*small), *nowhere)
         camera = self._camera(self._cropped(window), (right - left, bottom - top))
         labels = np.full(depth.shape, int(RenderLabel.kEmpty), np.int16)
         found = query.RenderLabelImage(camera, self.frame, self.X_FC)
         labels[top:bottom, left:right] = found.data[:, :, 0]
+        query.RenderLabelImage(self._camera(*small), *nowhere)
+        trim_memory()
         return LabelledPicture(color, depth, labels)
 
     def _whole(self, query: QueryObject, window: Window) -> NDArray:

@@ -1,17 +1,12 @@
 """The world that a simulated robot's cameras look at: its body, what it is marked with, a board."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.geometry import (
     Box,
-    ClippingRange,
-    ColorRenderCamera,
-    DepthRange,
-    DepthRenderCamera,
     FrameId,
     FramePoseVector,
     GeometryFrame,
@@ -19,7 +14,6 @@ from pydrake.geometry import (
     LightParameter,
     MakeRenderEngineVtk,
     PerceptionProperties,
-    RenderCameraCore,
     RenderEngineVtkParams,
     RenderLabel,
     Rgba,
@@ -30,10 +24,9 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
-from pydrake.systems.sensors import CameraInfo
 
 from nico_selfmodel.plant.model_in_plant import ModelInPlant
-from nico_selfmodel.systems.closing import Closable, trim_memory
+from nico_selfmodel.systems.closing import Closable
 from nico_selfmodel.systems.rendering.mounted_camera import Sight
 from nico_selfmodel.systems.rendering.renderer import check_renderer
 from nico_selfmodel.systems.rendering.stereo_cameras import RENDERER
@@ -67,8 +60,6 @@ _RED = (0.85, 0.08, 0.08, 1.0)
 _FIDUCIAL_LABEL, _BOARD_LABEL, _TAPE_LABEL = 1001, 1002, 1003
 _AWAY = RigidTransform(p=[0.0, 0.0, -50.0])
 """Where a board is that nobody holds."""
-_SMALL, _BEYOND = 64, RigidTransform(p=[0.0, 0.0, 50.0])
-"""Side of a picture of nothing [px], and from where one sees nothing upwards."""
 
 
 def add_renderer(
@@ -122,26 +113,6 @@ def remove_scene(scene_graph: SceneGraph) -> None:
             for geometry in inspector.GetGeometries(frame):
                 if inspector.BelongsToSource(geometry, source):
                     scene_graph.RemoveGeometry(source, geometry)
-
-
-def rest_renderer(scene_graph: SceneGraph, context: Context) -> None:
-    """Let a renderer give back the buffers of its last pictures until it draws the next ones.
-
-    It keeps some as large as the last picture of each kind, 0.1 GB in all: a picture of nothing
-    that is a few pixels large takes their place.
-
-    Args:
-        scene_graph: Which has a renderer.
-        context: Its own.
-    """
-    query: Any = scene_graph.get_query_output_port().Eval(context)
-    info = CameraInfo(_SMALL, _SMALL, _SMALL, _SMALL, 0.5 * _SMALL, 0.5 * _SMALL)
-    core = RenderCameraCore(RENDERER, info, ClippingRange(0.01, 1.0), RigidTransform())
-    frame, depths = query.inspector().world_frame_id(), DepthRange(0.01, 1.0)
-    query.RenderColorImage(ColorRenderCamera(core, False), frame, _BEYOND)
-    query.RenderLabelImage(ColorRenderCamera(core, False), frame, _BEYOND)
-    query.RenderDepthImage(DepthRenderCamera(core, depths), frame, _BEYOND)
-    trim_memory()
 
 
 def print_fiducial(
