@@ -17,6 +17,7 @@ from nico_selfmodel.estimation.model_verdict import judge_body_errors
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, WARNING, Errors
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree.contradictions import off_at_once
+from nico_selfmodel.estimation.tree.contradictions.contradiction_words import misdescribed_words
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, severity_of
 from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed
 from nico_selfmodel.estimation.tree.contradictions.sensor_noise import sensor_misfits
@@ -94,6 +95,36 @@ def test_touches_missed_by_five_times_what_they_are_taken_for_fail(times, fails)
     words = " ".join(sensor_misfits(told))
     assert ("what sensor 'bump' measured is off by 5.1 mm, it is taken to be" in words) is fails
     assert bool(words) is fails
+
+
+@pytest.mark.parametrize(
+    ("part", "usual", "far", "joints", "named"),
+    [
+        ("rx", np.radians(1.0), np.radians(10.2), 4, True),
+        ("rx", np.radians(1.0), np.radians(9.8), 4, False),
+        ("rx", np.radians(3.0), np.radians(15.2), 4, True),
+        ("rx", np.radians(3.0), np.radians(14.8), 4, False),
+        ("y", 0.001, 0.0302, 4, True),
+        ("y", 0.001, 0.0298, 4, False),
+        ("rx", np.radians(1.0), np.radians(90.0), 3, False),
+        ("rz", np.radians(1.0), np.radians(90.0), 4, False),
+    ],
+)
+def test_a_joint_much_farther_from_its_description_than_others_is_named(
+    part, usual, far, joints, named
+):
+    names = [f"j{i}" for i in range(joints)]
+    parts = [f"{name}.{p}" for name in names for p in ("rx", "ry", "rz", "x", "y", "z")]
+    values = np.array([usual * (p.partition(".")[2] == part) for p in parts])
+    values[parts.index(f"j2.{part}")] = far
+    index = {name: i for i, name in enumerate(parts)}
+    told = SimpleNamespace(tree=SimpleNamespace(joints=names), values=values, description=1)
+    told.parameters = SimpleNamespace(index=index)
+    words = misdescribed_words(told)
+    assert bool(words) is named
+    assert not named or ("'j2' by" in words[0] and "'j1'" not in words[0])
+    told.description = None
+    assert not misdescribed_words(told)
 
 
 @pytest.mark.parametrize(("times", "asked"), [(9.8, False), (10.2, True)])

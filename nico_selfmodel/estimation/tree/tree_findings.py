@@ -21,6 +21,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
 from nico_selfmodel.estimation.tree.compared_errors import alone_off
 from nico_selfmodel.estimation.tree.contradictions.contradiction_words import (
     contradiction_findings,
+    misdescribed_words,
     missed_touches,
     size_words,
 )
@@ -73,6 +74,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     doubts = [f"too few poses to test whether mirror {name!r} is flat: record ten"
               for name, test in calibration.flatness.items() if test is None]  # fmt: skip
     doubts += [
+        *misdescribed_words(calibration),
         *_told_by_no_pose(calibration),
         *_seldom_words(calibration),
         *described_words(calibration),

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from nico_selfmodel.dataset.body.sensors import POSES
+from nico_selfmodel.dataset.body.sensors import CONTACT, PLANE, POSES
 from nico_selfmodel.estimation.noise.contradictions import LEAST_SHARE, WHERE_TO_LOOK
 from nico_selfmodel.estimation.observations.outlier_words import name_samples
-from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE, Finding
+from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE, LAST, Finding
 from nico_selfmodel.estimation.tree.contradictions.held_scores import (
     LENS_PARTS,
     HeldScore,
@@ -26,6 +26,7 @@ from nico_selfmodel.estimation.tree.contradictions.wrong_readings import (
 )
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import PRISMATIC
 from nico_selfmodel.names import listed
@@ -39,6 +40,12 @@ _EXPLAINED = 0.5
 """Part of what a body does not explain that a lens or length must, to be what is wrong."""
 _VAGUE = 0.1
 """And the share to which it must be known: of poses in another frame no length fits."""
+_TURNED, _SHIFTED = np.radians(10.0), 0.03
+"""A joint's axis and place are off by more where a description is wrong there [rad, m]."""
+_FARTHER = 5.0
+"""And by so many times what joints usually are."""
+_FEWEST_DESCRIBED = 4
+"""Joints by which that is told."""
 _LARGEST_MISS = 0.03
 """Touches that are missed by so much of the body's size tell nothing of it."""
 
@@ -66,15 +73,29 @@ def contradiction_findings(calibration: TreeCalibration) -> list[Finding]:
             "link they are on, their labels, and the readings of the joints on the way"
         )
         found.append(Finding(FAILURE, text))
-    for name, (wrong, of) in contradicted_sensors(seen, solution.outliers).items():
-        text = (
-            f"{wrong} of {of} observations of sensor {name!r} contradict what the others say: "
-            "check its units, and sizes that are told (of tags, a board's squares, known distances)"
-        )
-        found.append(Finding(FAILURE, text))
+    found += _outvoted(calibration, seen)
     # A known body is held against poses as what it knows of noise and itself tells.
     poses = [] if calibration.anew else _of_poses(calibration)
     return [*found, *poses]
+
+
+def _outvoted(calibration: TreeCalibration, seen: TreeObservations) -> list[Finding]:
+    """Say which sensors' observations mostly contradict the rest.
+
+    Touches tell no body: where none explains what was seen theirs only follow.
+    """
+    units = "check its units, and sizes that are told (of tags, a board's squares, known distances)"
+    unexplained = unexplained_scalars(calibration) > 0
+    kinds = {sensor.name: sensor.kind for sensor in seen.data.sensors}
+    found = []
+    for name, (wrong, of) in contradicted_sensors(seen, calibration.solution.outliers).items():
+        touches = kinds[name] in (CONTACT, PLANE)
+        text = (
+            f"{wrong} of {of} observations of sensor {name!r} contradict what the others say: "
+            f"{CHECK_TOUCHES if touches else units}"
+        )
+        found.append(Finding(LAST if touches and unexplained else FAILURE, text))
+    return found
 
 
 def _of_poses(calibration: TreeCalibration) -> list[Finding]:
@@ -95,6 +116,35 @@ def _of_poses(calibration: TreeCalibration) -> list[Finding]:
         )
         for which, one in both
         if one.too_many and one.count < len(one.found)
+    ]
+
+
+def misdescribed_words(calibration: TreeCalibration) -> list[str]:
+    """Name joints whose axis or place is much farther from the description than others'.
+
+    Args:
+        calibration: What was learned.
+    """
+    joints, index = calibration.tree.joints, calibration.parameters.index
+    if calibration.description is None or len(joints) < _FEWEST_DESCRIBED:
+        return []
+    off: dict[str, list[str]] = {}
+    for parts, least, scale, unit in (
+        (("rx", "ry"), _TURNED, np.degrees(1.0), "deg"),
+        (("x", "y", "z"), _SHIFTED, 1e3, "mm"),
+    ):
+        at = np.array([[index[f"{joint}.{part}"] for part in parts] for joint in joints])
+        far = np.linalg.norm(calibration.values[at], axis=1)
+        limit = max(least, _FARTHER * float(np.median(far)))
+        for joint, one in zip(joints, far.tolist(), strict=True):
+            if one > limit:
+                off.setdefault(joint, []).append(f"{scale * one:.3g} {unit}")
+    if not off:
+        return []
+    said = [f"{joint!r} by {' and '.join(words)}" for joint, words in off.items()]
+    return [
+        f"the robot's description is much farther off at some joints than at others: {listed(said)}"
+        "; check their axes and origins there (the joint behind a wrong one follows it)"
     ]
 
 
