@@ -296,6 +296,23 @@ def test_wrong_words_are_refused_in_one_line(folder, tmp_path, command, words, r
     assert reason in refused(command, folder / "two_arms", tmp_path, *words)
 
 
+def test_a_description_in_millimetres_is_refused(folder, tmp_path, command):
+    document = yaml.safe_load((folder / "two_arms" / "dataset.yaml").read_text())
+    lines, before = ['<robot name="large"><link name="base"/>'], "world"
+    for joint in document["joints"]:
+        parent, before = joint.get("parent", before), joint["name"]
+        lines.append(
+            f'<link name="{before}_link"/><joint name="{before}" type="revolute">'
+            f'<parent link="{"base" if parent == "world" else parent + "_link"}"/>'
+            f'<child link="{before}_link"/><origin xyz="0 0 120"/><axis xyz="0 0 1"/>'
+            '<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
+        )
+    urdf = tmp_path / "large.urdf"
+    urdf.write_text("\n".join([*lines, "</robot>"]))
+    said = refused(command, folder / "two_arms", tmp_path, "--robot", urdf)
+    assert "from joint to joint it is 1560 m: were millimetres given as metres?" in said
+
+
 @pytest.mark.parametrize("words", [("body", "two_arms"), ("hand-eye", "flange")])
 def test_training_data_are_refused_as_held_out_data(folder, tmp_path, command, words):
     kind, data = words

@@ -210,6 +210,9 @@ def _described(
     off: tuple[float, float] | None,
 ) -> "Description":
     """Return the robot as its description has it, and how far that is off where somebody said."""
+    import numpy as np
+
+    from nico_selfmodel.dataset.plausibility import check_spread
     from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boards
     from nico_selfmodel.estimation.tree.tree_setup import Description, blank_body
     from nico_selfmodel.plant.described_body import described_body, described_masses
@@ -218,6 +221,8 @@ def _described(
     urdf = find_robot(robot)
     told = {**lenses_by_boards(data, lenses)[0], **lenses}
     body = described_body(urdf, data.joints, blank_body(data, told))
+    reach = float(np.linalg.norm(body.X_PJ[:, :3, 3], axis=1).sum())
+    check_spread(f"--robot {robot}: from joint to joint it is", reach, "Origins of joints are")
     found = Description(body, masses=described_masses(urdf, body))
     if off is None:
         return found
