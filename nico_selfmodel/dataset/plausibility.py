@@ -23,8 +23,7 @@ MAX_TURN_RAD = 4.0 * np.pi
 _FEWEST_IN_DEGREES = 2
 """Joints read beyond two turns at once, and samples where they are, that are no slip of a pen."""
 _MOST_OUTSIDE = 0.1
-"""Share of pixels that may lie outside their images, and of readings beyond their stops, without a
-word."""
+"""Share of pixels that may lie outside their images without a word."""
 _FEWEST_NOTHINGS = 2
 """Rows that are exactly 0 from which on these are what a sensor writes that saw nothing."""
 _COPIES, _FEWEST_COPIES = 0.25, 10
@@ -55,32 +54,7 @@ def check_as_read(dataset: Dataset, place: str) -> None:
     for side in (slice(0, 2), slice(2, 4)):
         columns = f"{place}: {', '.join(PIXEL_COLUMNS[side])}"
         refuse_nothings(dataset.sample, dataset.pixels[:, side], columns)
-    stops = [(joint.name, joint.lower, joint.upper) for joint in dataset.joints]
-    warn_of_stops(stops, dataset.encoders, place)
     _warn_of_units(dataset, place)
-
-
-def warn_of_stops(
-    joints: Sequence[tuple[str, float | None, float | None]], readings: NDArray, place: str
-) -> None:
-    """Warn of joints of which many readings lie beyond the stops that are stated.
-
-    Args:
-        joints: Name of each, and the readings at its stops where these are known.
-        readings: Shape (N, n).
-        place: The file, for the message.
-
-    Warns:
-        UserWarning: If more than a tenth of a joint's readings do.
-    """
-    for (name, lower, upper), own in zip(joints, readings.T, strict=True):
-        low, high = -np.inf if lower is None else lower, np.inf if upper is None else upper
-        if len(own) and ((own < low) | (own > high)).mean() > _MOST_OUTSIDE:
-            warnings.warn(
-                f"{place}: joint {name!r} reads from {own.min():.6g} to {own.max():.6g}, its stops "
-                f"are {lower} and {upper}: are the joints in their order, and both in one unit?",
-                stacklevel=4,
-            )
 
 
 def refuse_nothings(sample: NDArray, values: NDArray, what: str) -> None:

@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import content_hash, load_dataset, save_dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
-from nico_selfmodel.dataset.plausibility import check_as_read, warn_of_stops
+from nico_selfmodel.dataset.plausibility import check_as_read
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.yaml_mapping import read_yaml_mapping
 
@@ -424,22 +424,6 @@ def test_places_that_are_exactly_nothing_are_refused_unless_it_is_one(folder):
             continue
         with pytest.raises(DataError, match=r"x_m, y_m, z_m are exactly 0 in 2 rows \(the first"):
             check_as_read(wrong, "there")
-
-
-@pytest.mark.parametrize(("beyond", "said"), [(3, True), (2, False)])
-def test_readings_beyond_their_stops_are_warned_of(folder, beyond, said):
-    data = load_dataset(folder(SAMPLES))
-    rows = np.repeat(np.arange(len(data)), 4)[:20]
-    joint, *others = data.joints
-    readings = data.encoders[rows].copy()
-    readings[:, 0] = np.where(np.arange(20) < beyond, 900.0, 50.0)
-    stopped = (replace(joint, lower=-1.0, upper=501.0), *others)
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        warn_of_stops([(j.name, j.lower, j.upper) for j in stopped], readings, "there")
-    words = "joint 'shoulder' reads from 50 to 900, its stops are -1.0 and 501.0: are the joints"
-    found = [str(one.message) for one in told]
-    assert (len(found) == 1 and words in found[0]) if said else not found
 
 
 def test_nothing_is_saved_that_could_not_be_loaded_again(folder, tmp_path):

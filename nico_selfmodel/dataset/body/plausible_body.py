@@ -12,7 +12,6 @@ from nico_selfmodel.dataset.plausibility import (
     refuse_copies,
     refuse_nothings,
     warn_of_outside,
-    warn_of_stops,
 )
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC
@@ -32,8 +31,8 @@ def check_plausible_body(data: BodyDataset) -> None:
             degrees, many observations are copies, or places exactly 0.
 
     Warns:
-        UserWarning: If places spread over more than 20 m, a joint read in `rad` turned by more
-            than two whole turns, or many readings lie beyond stated stops.
+        UserWarning: If places spread over more than 20 m, or a joint read in `rad` turned by more
+            than two whole turns.
     """
     table = data.observations
     for s, sensor in enumerate(data.sensors):
@@ -73,8 +72,6 @@ def check_plausible_body(data: BodyDataset) -> None:
         elif joint.motion == PRISMATIC and joint.is_read and joint.counts_per_turn is None:
             middle = _from_middle(data.si_readings[:, i])
             check_spread(f"readings of joint {joint.name!r}: up to", middle, _LENGTHS)
-    stops = [(joint.name, joint.lower, joint.upper) for joint in data.joints]
-    warn_of_stops(stops, data.readings, "poses.csv")
     in_rad = [i for i, j in enumerate(data.joints) if j.is_read and j.encoder_unit == "rad"]
     names = [data.joints[i].name for i in in_rad]
     check_radians(names, data.readings[:, in_rad], data.sample, "poses.csv")
