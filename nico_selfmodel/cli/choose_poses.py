@@ -41,6 +41,7 @@ def choose_poses(
     choose = _of_a_body if is_body(model) else _of_an_arm
     rng = np.random.default_rng(seed)
     joints, chosen = choose(model, dataset, count, rng, criterion=criterion, marker=marker)
+    _warn_of_another(model, dataset)
     write_whole(out, readings_table(chosen.readings, joints))
     pixels = chosen.unit == "px"
     unit, scale = ("px", 1.0) if pixels else ("mm", 1e3)
@@ -57,6 +58,21 @@ def choose_poses(
         f"{before:.3g} {unit}, with these poses {after:.3g} {unit}\n"
         f"next  nico-selfmodel record {shlex.join(map(str, words))}"
     )
+
+
+def _warn_of_another(model: Path, dataset: Path) -> None:
+    """Warn where the data contradict the model: what it would learn most from is then another."""
+    import warnings
+
+    from nico_selfmodel.cli.evaluate import held_against
+    from nico_selfmodel.errors import SelfModelError
+
+    try:
+        verdict = held_against(model, dataset)[0]
+    except SelfModelError:
+        return  # nothing was measured that it could be held against
+    if verdict.status == "FAIL":
+        warnings.warn(f"the data contradict the model: {verdict.reasons[0]}", stacklevel=2)
 
 
 def _of_an_arm(

@@ -24,18 +24,11 @@ def evaluate(
 
     The error of the training stands beside it. Ends with 1 where the data contradict the model.
     """
-    from nico_selfmodel.dataset.folder import load_dataset
-    from nico_selfmodel.estimation.noise.hand_observations import by_pixels
-    from nico_selfmodel.model.self_model_file import load_model
     from nico_selfmodel.model.tree.body_model import is_body
 
     if is_body(model):
         options.refuse_given(context, ["sensor"], "a body is held against all that was measured")
-        verdict, block = _of_body(model, dataset)
-    else:
-        learned, data = load_model(model), load_dataset(dataset)
-        seen = by_pixels(learned, data, sensor)
-        verdict, block = (_of_pixels if seen else _of_points)(learned, data)
+    verdict, block = held_against(model, dataset, sensor)
     document = {"status": verdict.status, "reasons": verdict.reasons, **block}
     if as_json:
         printer.as_json(document)
@@ -43,6 +36,27 @@ def evaluate(
         printer.errors(str(model), [(str(dataset), block)])
         printer.verdict(document)
     printer.end(document)
+
+
+def held_against(
+    model: Path, dataset: Path, sensor: str = "auto"
+) -> "tuple[Verdict, dict[str, Any]]":
+    """Return the verdict on a model by data, and the errors.
+
+    Args:
+        model: Of an arm, or a body.
+        dataset: Data of the same kind.
+        sensor: What an arm is judged by.
+    """
+    from nico_selfmodel.dataset.folder import load_dataset
+    from nico_selfmodel.estimation.noise.hand_observations import by_pixels
+    from nico_selfmodel.model.self_model_file import load_model
+    from nico_selfmodel.model.tree.body_model import is_body
+
+    if is_body(model):
+        return _of_body(model, dataset)
+    learned, data = load_model(model), load_dataset(dataset)
+    return (_of_pixels if by_pixels(learned, data, sensor) else _of_points)(learned, data)
 
 
 def _of_body(model: Path, dataset: Path) -> "tuple[Verdict, dict[str, Any]]":

@@ -24,8 +24,9 @@ _FEWEST_IN_DEGREES = 2
 """Joints read beyond two turns at once, and samples where they are, that are no slip of a pen."""
 _MOST_OUTSIDE = 0.1
 """Share of pixels that may lie outside their images without a word."""
-_FEWEST_NOTHINGS = 2
-"""Rows that are exactly 0 from which on these are what a sensor writes that saw nothing."""
+_FEWEST_NOTHINGS, _FEWEST_PLACES = 2, 10
+"""Rows that are exactly 0, among so many others, from which on these are what a sensor writes that
+saw nothing."""
 _COPIES, _FEWEST_COPIES = 0.25, 10
 """Share and number of rows that stand there again from which on these are copies: a robot that
 repeats itself without noise comes back to a pose now and then."""
@@ -66,11 +67,12 @@ def refuse_nothings(sample: NDArray, values: NDArray, what: str) -> None:
         what: Of what it is, for the message.
 
     Raises:
-        DataError: If two of them or more are, and not all.
+        DataError: If two of them or more are, and ten or more are not.
     """
     nothing = (values == 0.0).all(axis=1)
     count = int(nothing.sum())
-    if count < _FEWEST_NOTHINGS or count == np.isfinite(values).all(axis=1).sum():
+    others = int(np.isfinite(values).all(axis=1).sum()) - count
+    if count < _FEWEST_NOTHINGS or others < _FEWEST_PLACES:
         return
     raise DataError(
         f"{what} are exactly 0 in {count} rows (the first of sample {sample[nothing][0]}): leave "

@@ -37,6 +37,12 @@ from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 _IN_TEN, _OFTEN = 0.1, 0.25
 """Share of the poses that were so far off in training, and from which on it is worth a failure."""
 
+_OF_ANOTHER = 20.0
+"""Times the expected error from which on a body cannot have changed by so much."""
+_WHOSE = (
+    "do data and model belong to one robot, with rows, joints and units as they were in training?"
+)
+
 
 def judge_evaluation(
     model: SelfModel, dataset: Dataset, evaluation: Evaluation | PixelEvaluation
@@ -132,6 +138,8 @@ class _Compared:
     expected: str
     above: bool
     """Whether it is significantly above."""
+    another: bool
+    """Whether it is that of another body."""
 
     @classmethod
     def of(
@@ -140,7 +148,8 @@ class _Compared:
         """Compare errors of n independent poses."""
         above = significantly_above(errors, median, n, known_from)
         found = scale * float(np.median(errors))
-        return cls(f"{found:.2f} {unit}", f"{scale * median:.2f} {unit}", above)
+        another = above and found > _OF_ANOTHER * scale * median
+        return cls(f"{found:.2f} {unit}", f"{scale * median:.2f} {unit}", above, another)
 
 
 def _in_space(model: SelfModel, evaluation: Evaluation) -> list[_Compared]:
@@ -192,7 +201,8 @@ def _beside_training(
     medians = f"median {found}, expected {expected}"
     if any(one.above for one in compared):
         words = f"the error ({medians}) is significantly above that of the training poses"
-        return Verdict("FAIL", (f"{words}: {WHAT_CHANGED}",))
+        another = any(one.another for one in compared)
+        return Verdict("FAIL", (f"{words}: {_WHOSE if another else WHAT_CHANGED}",))
     if often:
         return Verdict("FAIL", (f"{often}: {WHAT_CHANGED}",))
     within = f"the error ({medians}) is that of the training poses"

@@ -141,6 +141,17 @@ def test_poses_worth_recording_are_written_as_a_table_that_predict_reads(
     assert "exists already" in refused.stderr
 
 
+def test_poses_chosen_by_data_of_another_robot_come_with_a_warning(
+    result, recorded, command, tmp_path
+):
+    data = load_dataset(recorded[0])
+    save_dataset(replace(data, p_WH_measured=data.p_WH_measured[::-1]), tmp_path / "other")
+    words = ("choose-poses", result, tmp_path / "other", "--out", tmp_path / "poses.csv")
+    done = command(*words, "--count", 2)
+    assert done.returncode == 0
+    assert "warning: the data contradict the model: the error" in done.stderr
+
+
 def test_a_prediction_far_from_the_training_comes_with_a_warning(result, recorded, command):
     train = load_dataset(recorded[0])
     within = ",".join(map(str, np.median(train.encoders, axis=0)))

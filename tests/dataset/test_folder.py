@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import content_hash, load_dataset, save_dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
-from nico_selfmodel.dataset.plausibility import check_as_read
+from nico_selfmodel.dataset.plausibility import refuse_nothings
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.yaml_mapping import read_yaml_mapping
 
@@ -412,18 +412,17 @@ def test_a_table_without_names_of_columns_is_told_so(folder):
         load_dataset(folder(numbers))
 
 
-def test_places_that_are_exactly_nothing_are_refused_unless_it_is_one(folder):
-    data = load_dataset(folder(SAMPLES))
-    measured = np.flatnonzero(data.measured)
-    for count in (1, 2):
-        p = data.p_WH_measured.copy()
-        p[measured[:count]] = 0.0
-        wrong = replace(data, p_WH_measured=p)
-        if count == 1:
-            check_as_read(wrong, "there")
-            continue
-        with pytest.raises(DataError, match=r"x_m, y_m, z_m are exactly 0 in 2 rows \(the first"):
-            check_as_read(wrong, "there")
+@pytest.mark.parametrize(
+    ("zeros", "others", "refused"), [(2, 10, True), (1, 10, False), (2, 9, False)]
+)
+def test_places_that_are_exactly_nothing_are_refused(zeros, others, refused):
+    places = np.vstack([np.zeros((zeros, 3)), np.ones((others, 3))])
+    sample = np.arange(5, 5 + len(places))
+    if not refused:
+        refuse_nothings(sample, places, "x_m, y_m, z_m")
+        return
+    with pytest.raises(DataError, match=r"exactly 0 in 2 rows \(the first of sample 5\)"):
+        refuse_nothings(sample, places, "x_m, y_m, z_m")
 
 
 def test_nothing_is_saved_that_could_not_be_loaded_again(folder, tmp_path):

@@ -179,7 +179,7 @@ def test_what_a_crane_does_is_taken_with_a_warning(tmp_path):
 
 
 def test_places_that_are_exactly_nothing_are_refused(tmp_path):
-    data = one_arm(1, poses=6).data
+    data = one_arm(1, poses=12).data
     values = data.observations.values.copy()
     values[[1, 4], :3] = 0.0
     wrong = replace(data, observations=replace(data.observations, values=values))

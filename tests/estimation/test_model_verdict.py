@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.estimation import model_verdict as module
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.body.body_findings import _held_out_words, body_findings
 from nico_selfmodel.estimation.body.body_options import BodyOptions
@@ -64,6 +65,20 @@ def test_a_joint_that_slipped_fails(refined):
     slipped = data.encoders.copy()
     slipped[:, 1] += 0.03 * np.ptp(slipped[:, 1])
     assert judged(model, replace(data, encoders=slipped)).status == "FAIL"
+
+
+def test_data_of_another_robot_are_asked_whose_they_are(refined):
+    model, data = refined
+    seen = data.pixels[::-1]
+    (reason,) = judged(model, replace(data, pixels=seen)).reasons
+    assert reason.endswith("with rows, joints and units as they were in training?")
+
+
+@pytest.mark.parametrize(("times", "said"), [(21.0, "one robot"), (19.0, "something moved")])
+def test_twenty_times_the_expected_error_is_no_change_of_a_body(times, said):
+    errors = 1e-3 * times * np.ones(30)
+    one = module._Compared.of(errors, 1e-3, 30, 100, 1e3, "mm")
+    assert said in module._beside_training([one], None).reasons[0]
 
 
 def test_pixels_alone_tell_of_a_camera_that_turned(refined):

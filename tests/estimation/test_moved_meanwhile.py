@@ -16,11 +16,12 @@ from nico_selfmodel.estimation.tree.contradictions.moved_meanwhile import (
     moved_meanwhile,
 )
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
-from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_of
 from nico_selfmodel.geometry.transform import transform
 
 from ..slow_rest import slow_rest
 from .simulated_trees import observed, one_arm
+from .test_one_problem import flange_dataset, hand_eye_poses
 
 POSES, AFTER = 60, 34
 SIGMA = {"points": 2e-4, "camera": 0.3}
@@ -89,6 +90,33 @@ def test_what_moves_is_named_with_when_and_how_far(what, sensor, said, size):
 @pytest.mark.parametrize("seed", slow_rest(list(range(3, 15))))
 def test_nothing_moves_in_a_sound_recording(seed):
     found = calibrate_tree(recorded(None, seed)).ladder.solution
+    assert moved_meanwhile(found.problem, found.solution) is None
+
+
+def target_of(seed, turn=0.0, poses=40):
+    """A sensor of whole poses and a target, which is turned in its place in the middle."""
+    _, _, flanges, seen = hand_eye_poses(np.random.default_rng(seed), poses)
+    data = flange_dataset(flanges, seen)
+    values, later = data.observations.values.copy(), slice(poses // 2, None)
+    turned = values[later, 3:6]
+    by = rotation_from_vector(np.array([0.0, 0.0, np.radians(turn)]))
+    values[later, 3:6] = [rotation_vector_of(rotation_from_vector(one) @ by) for one in turned]
+    return replace(data, observations=replace(data.observations, values=values))
+
+
+def test_a_target_that_is_turned_in_its_place_is_named():
+    """Its place stays: it had been a PASS, with half of the turn in the answer."""
+    verdict = judge(calibrate_tree(target_of(2, turn=1.2)))
+    assert verdict.status == "FAIL"
+    told = re.match(
+        r"marker 'target' moved by about \S+ mm and (\S+) deg after", verdict.reasons[0]
+    )
+    assert float(told[1]) == pytest.approx(1.2, rel=0.25)
+
+
+@pytest.mark.parametrize("seed", slow_rest(list(range(40, 56))))
+def test_a_target_that_stood_still_is_not_said_to_have_moved(seed):
+    found = calibrate_tree(target_of(seed)).ladder.solution
     assert moved_meanwhile(found.problem, found.solution) is None
 
 

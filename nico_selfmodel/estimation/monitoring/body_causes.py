@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.monitoring.diagnosis import Hypothesis, simple_hypothesis
 from nico_selfmodel.estimation.monitoring.monitored_changes import (
+    ANYTHING,
     JUMPS,
     RARER,
     SHIFTS,
     TURN,
     WEIGHTS,
-    WIDER,
     MonitoredChanges,
 )
 from nico_selfmodel.estimation.tree.tree_parameters import FRAME_PARTS
@@ -80,7 +80,7 @@ def body_changes(tree: BodyTree, causes: tuple[Hypothesis, ...]) -> MonitoredCha
         for kind, own in kinds.items()
         if own
     ]
-    weights.append(np.full(len(WIDER), WEIGHTS["anything"] / len(WIDER)))
+    weights.append(np.full(ANYTHING, WEIGHTS["anything"] / ANYTHING))
     whole = np.concatenate(weights)
     return MonitoredChanges(np.array(columns).T, whole / whole.sum())
 

@@ -23,9 +23,11 @@ TURN = np.radians(1.0)
 STRETCH = np.radians(3.0)
 """By how much a joint whose gear changed is off at the ends of the readings it was learned from
 [rad]."""
-WIDER = np.array([4.0, 16.0])
-"""Anything else makes residuals as large as the noise's tail, or with so many times its variance.
-"""
+WIDER = np.array([4.0])
+"""Anything else makes residuals with so many times the variance of the noise's tail, or larger ones
+at every pose."""
+ANYTHING = len(WIDER) + 1
+"""Number of these."""
 WEIGHTS = {"jump": 0.6, "point": 0.2, "camera": 0.2, "gear": 0.1, "anything": 0.2}
 """How likely each kind of change is beforehand, up to a factor."""
 RARER = 1.0 / 3.0
@@ -41,7 +43,7 @@ class MonitoredChanges:
     basis: NDArray
     """The changes, as columns among all parameters. Shape (P, m)."""
     weights: NDArray
-    """Sum 1. Shape (m + len(WIDER),)."""
+    """Sum 1. Shape (m + ANYTHING,)."""
 
     def __len__(self) -> int:
         """Return how many changes there are."""
@@ -54,7 +56,9 @@ class MonitoredChanges:
 
             l = min(6, ln [(1 - g) f(r - h) + g u(r)] - ln [(1 - g) f(r) + g u(r)])
 
-        What lies far from where any change puts it says nothing, and no pose alone says enough.
+        What lies far from where a change puts it says nothing for it. That all poses from some one
+        on are far off, of density u, is a change too, for which each says -ln g at most: no pose
+        alone says enough.
 
         Args:
             density: Of the poses, what the model is uncertain by included.
@@ -68,8 +72,9 @@ class MonitoredChanges:
         other = density.log_tail(residuals, WIDER)
         unchanged = density.log(residuals)[:, None]
         noisy = np.log1p(-density.outlier_share)
-        changed = noisy + np.concatenate([moved, other], axis=1)
-        false = density.log_false(residuals)[:, None]
+        far = density.log_false(residuals)[:, None]
+        changed = noisy + np.concatenate([moved, other, far], axis=1)
+        false = np.log(max(density.outlier_share, np.finfo(float).tiny)) + far
         ratios = np.logaddexp(changed, false) - np.logaddexp(noisy + unchanged, false)
         return np.minimum(ratios, LARGEST_STEP)
 
@@ -90,7 +95,7 @@ def monitored_changes(model: SelfModel, names: tuple[str, ...]) -> MonitoredChan
         turns = np.concatenate([_turns(camera) for camera in cameras])
         kinds["camera"] = (turns, np.ones(len(turns)))
     columns = np.concatenate([columns for columns, _ in kinds.values()])
-    kinds["anything"] = (np.zeros((0, len(names))), np.ones(len(WIDER)))
+    kinds["anything"] = (np.zeros((0, len(names))), np.ones(ANYTHING))
     weights = [WEIGHTS[kind] * own / own.sum() for kind, (_, own) in kinds.items()]
     weights = np.concatenate(weights)
     return MonitoredChanges(columns.T, weights / weights.sum())

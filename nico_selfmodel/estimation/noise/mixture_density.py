@@ -92,7 +92,7 @@ class MixtureDensity:
         return self._log_scale[1][:, None] - 0.5 * spread
 
     def log_false(self, residuals: NDArray) -> NDArray:
-        """Return ln g u(r), u a Cauchy distribution about the tail. Shape (N, K) -> (N,).
+        """Return ln u(r), u a Cauchy distribution about the tail. Shape (N, K) -> (N,).
 
         A false detection may lie anywhere, near or far:
         u = Gamma((d + 1) / 2) / Gamma(1 / 2) / sqrt(pi^d |S1|) (1 + r' S1^-1 r)^(-(d + 1) / 2)
@@ -103,8 +103,7 @@ class MixtureDensity:
         head = np.array([lgamma(0.5 * (d + 1.0)) for d in rows.tolist()])[which.reshape(-1)]
         # As everywhere here, without the normals' (2 pi)^(-d / 2).
         head += 0.5 * (self._dof * np.log(2.0) - np.log(np.pi)) + self._log_scale[1]
-        share = np.log(max(self.outlier_share, np.finfo(float).tiny))
-        return share + head - 0.5 * (self._dof + 1.0) * np.log1p(squares)
+        return head - 0.5 * (self._dof + 1.0) * np.log1p(squares)
 
     def nis(self, residuals: NDArray) -> NDArray:
         """Return r' S^-1 r with S the second moment of the mixture. Shape (N, K) -> (N,)."""

@@ -137,14 +137,19 @@ def _changes(
             yield encoder_words(name, motion == PRISMATIC), [linear.by_joint[:, k]]
     table, count = data.observations, len(data.markers)
     told = np.bincount(table.marker[(table.pose != ANY_POSE) & ~outliers], minlength=count)
-    fixed = np.array([data.on_link(marker.on) < 0 for marker in data.markers])
-    for marker, seen_often in zip(data.markers, (told >= FEWEST_VISITS) & ~fixed, strict=True):
-        names = [f"{marker.name}.{part}" for part in SHIFTS]
-        if seen_often and names[0] in index:  # corners of a board have no place of their own
-            yield (
-                _shifted(f"marker {marker.name!r} {{}} on its link"),
-                [linear.J[index[name]] for name in names],
-            )
+    # One that stands still before a standing sensor moves as that sensor does.
+    carried = np.array([data.on_link(sensor.on) >= 0 for sensor in data.sensors])
+    passing = np.bincount(table.marker[carried[table.sensor]], minlength=count) > 0
+    passing |= [data.on_link(marker.on) >= 0 for marker in data.markers]
+    for marker, seen_often in zip(data.markers, (told >= FEWEST_VISITS) & passing, strict=True):
+        places, turns = ([f"{marker.name}.{part}" for part in parts] for parts in (SHIFTS, TURNS))
+        if not seen_often or places[0] not in index:
+            continue  # corners of a board have no place of their own
+        where = "on its link" if data.on_link(marker.on) >= 0 else "in the room"
+        what, shifts = f"marker {marker.name!r}", [linear.J[index[name]] for name in places]
+        yield _shifted(f"{what} {{}} {where}"), shifts
+        if turns[0] in index:
+            yield _moved(what), [*shifts, *(linear.J[index[name]] for name in turns)]
     for rows in {rows.name: rows for rows in seen.sensors if rows.kind in SIGHTS}.values():
         names = [f"{rows.name}.{part}" for part in (*SHIFTS, *TURNS)]
         yield _moved(f"sensor {rows.name!r}"), [linear.J[index[name]] for name in names]
