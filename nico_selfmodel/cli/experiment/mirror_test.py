@@ -50,7 +50,9 @@ def mirror_test(
     plate = glass_named(glass)
     from nico_selfmodel.experiments.mirror_test.report import report_of
     from nico_selfmodel.experiments.mirror_test.stages import run_stages
+    from nico_selfmodel.freed_memory import give_back_freed_memory
 
+    give_back_freed_memory()
     with printer.progress_bar() as progress:
         seeds = range(seed, seed + robots)
         test = run_stages(chosen, seeds, trials, looks, marks, plate, progress)
