@@ -18,6 +18,9 @@ _TOLD = 1e-11
 """Information on scaled parameters, of the largest, that counts as that of what is not told."""
 _WELL_TOLD = 1e-8
 """Part of a parameter's own information, beside all others, above which all are told for sure."""
+_DRAWN = 3.0
+"""Times chance that how residuals scatter must differ from what is expected to count for itself:
+noise that is as expected exceeds it once in some hundred."""
 _NO_PART = 1e-6
 """Share in what nothing determines below which it is rounding."""
 
@@ -143,7 +146,7 @@ class Uncertainty:
         natural: NDArray,
         squared_residuals: float,
         observations: int,
-        scatter: NDArray | None = None,
+        scatter: Sequence[NDArray] | None = None,
     ) -> "Uncertainty":
         """Analyse the whitened Jacobian at a solution, C = s^2 (J'J)^-1.
 
@@ -156,7 +159,8 @@ class Uncertainty:
             natural: Natural scale of each parameter. Shape (k,).
             squared_residuals: Sum of squared whitened residuals.
             observations: Number of residuals that carry weight.
-            scatter: Variance of each residual, where these are not alike. Shape (m,).
+            scatter: Variance of each residual, where these are not alike: as it alone tells it, and
+                as it is expected. Shapes (m,).
 
         Returns:
             The uncertainty. Without redundancy s^2 is taken as 1, the sigma assumed beforehand.
@@ -165,8 +169,8 @@ class Uncertainty:
         factor = squared_residuals / redundancy if redundancy > 0 else np.nan
         spread = np.sqrt(factor) if redundancy > 0 else 1.0
         scaled = jacobian * natural
-        if scatter is not None and scatter.any():
-            scaled, spread = _as_told(scaled, scatter), 1.0
+        if scatter is not None and scatter[0].any():
+            scaled, spread = _as_told(scaled, *scatter), 1.0
         # The triangular factor holds all there is to know of a tall matrix.
         triangle = np.linalg.qr(scaled, mode="r") if len(scaled) > len(names) else scaled
         _, values, vt = np.linalg.svd(triangle, full_matrices=True)
@@ -198,19 +202,19 @@ class Uncertainty:
         )
 
 
-def _as_told(jacobian: NDArray, scatter: NDArray) -> NDArray:
+def _as_told(jacobian: NDArray, scatter: NDArray, expected: NDArray) -> NDArray:
     """Return a Jacobian of residuals of variance 1 that tell as much as some of others.
 
     With J = U S V' and W = U' diag(scatter) U = L L' it is L^-1 S V': its information inverted is
-    V S^-1 W S^-1 V'. Residuals that scatter alike give W = w I but for chance; W is drawn towards
-    that by how much of what it differs chance makes (Ledoit, Wolf 2004, section 3.2).
+    V S^-1 W S^-1 V'. Residuals that scatter as expected give the W of that but for chance; W is
+    drawn towards it by how much of what it differs chance makes (Ledoit, Wolf 2004, section 3.2).
     """
     u, values, vt = np.linalg.svd(jacobian, full_matrices=False)
-    W = (u * scatter[:, None]).T @ u
-    alike = np.eye(len(W)) * np.trace(W) / len(W)
-    by_chance = float(np.sum((scatter * np.sum(u * u, axis=1)) ** 2))
-    share = min(1.0, by_chance / max(float(np.sum((W - alike) ** 2)), np.finfo(float).tiny))
-    W = share * alike + (1.0 - share) * W
+    W, usual = ((u * one[:, None]).T @ u for one in (scatter, expected))
+    by_chance = _DRAWN * float(np.sum((scatter * np.sum(u * u, axis=1)) ** 2))
+    apart = float(np.sum((W - usual) ** 2))
+    share = 1.0 if apart <= by_chance else by_chance / apart
+    W = share * usual + (1.0 - share) * W
     return np.asarray(np.linalg.solve(np.linalg.cholesky(W), values[:, None] * vt))
 
 

@@ -54,18 +54,21 @@ def test_the_covariance_is_the_spread_of_two_thousand_regressions():
     assert estimates.std(axis=1) / sigma == pytest.approx(np.ones(4), abs=0.06)
 
 
-def scattered(a, squares):
+def scattered(a, squares, expected=None):
     """Analyse a regression by the squares of its residuals, each over one less its leverage."""
     q = np.linalg.qr(a)[0]
     scatter = squares / (1.0 - np.sum(q * q, axis=1))
     m, k = a.shape
-    return Uncertainty.from_jacobian(NAMES, a, np.full(k, 1e3), squares.sum(), m, scatter)
+    expected = np.full(m, squares.sum() / (m - k)) if expected is None else expected
+    told = (scatter, expected)
+    return Uncertainty.from_jacobian(NAMES, a, np.full(k, 1e3), squares.sum(), m, told)
 
 
 @given(seed=st.integers(0, 2**32 - 1), variance=st.floats(0.01, 100.0))
 def test_residuals_that_scatter_alike_are_those_without_a_scatter_of_their_own(seed, variance):
     a = regression(seed)
-    found = Uncertainty.from_jacobian(NAMES, a, np.full(4, 1e3), 1.0, 30, np.full(30, variance))
+    told = [np.full(30, variance)] * 2
+    found = Uncertainty.from_jacobian(NAMES, a, np.full(4, 1e3), 1.0, 30, told)
     assert_allclose(found.covariance, variance * np.linalg.inv(a.T @ a), rtol=1e-7, atol=1e-12)
 
 
@@ -76,7 +79,7 @@ def test_the_covariance_is_the_spread_of_regressions_whose_rows_scatter_as_they_
     noise = rng.normal(size=(400, 2000)) * (np.ones(400) if alike else size)[:, None]
     estimates = np.linalg.lstsq(a, noise, rcond=None)[0]
     rest = noise - a @ estimates
-    found = [scattered(a, r * r) for r in rest.T[:100]]
+    found = [scattered(a, r * r, None if alike else size**2) for r in rest.T[:100]]
     spread = estimates.std(axis=1)
     assert spread / np.mean([f.sigma for f in found], axis=0) == pytest.approx(1.0, abs=0.1)
     nees = [x @ np.linalg.solve(f.covariance, x) for x, f in zip(estimates.T, found, strict=False)]
@@ -85,9 +88,21 @@ def test_the_covariance_is_the_spread_of_regressions_whose_rows_scatter_as_they_
     assert (spread[1] / np.mean(plain) > 1.4) != alike
 
 
+def test_what_residuals_say_counts_where_it_differs_from_what_is_expected_by_more_than_chance():
+    """Of rows that scatter alike nothing is left of their own, of others something always."""
+    rng, a = np.random.default_rng(9), regression(10, 400)
+    rest = rng.normal(size=(200, 400))
+    own = [scattered(a, r * r, np.ones(400)).covariance for r in rest]
+    alike = np.linalg.inv(a.T @ a)
+    assert np.mean([np.allclose(one, alike, rtol=1e-9, atol=0.0) for one in own]) > 0.97
+    farther = np.abs(a[:, 1])
+    off = [scattered(a, (r * farther) ** 2, np.ones(400)).covariance for r in rest]
+    assert not any(np.allclose(one, alike, rtol=1e-9, atol=0.0) for one in off)
+
+
 def test_residuals_of_nothing_leave_no_doubt():
     a = regression(8)
-    found = Uncertainty.from_jacobian(NAMES, a, np.full(4, 1e3), 0.0, 30, np.zeros(30))
+    found = Uncertainty.from_jacobian(NAMES, a, np.full(4, 1e3), 0.0, 30, [np.zeros(30)] * 2)
     assert (found.rank, found.unobservable) == (4, ())
     assert np.abs(found.covariance).max() == 0.0
 
@@ -95,7 +110,7 @@ def test_residuals_of_nothing_leave_no_doubt():
 def test_what_nothing_determines_stays_so_whatever_rows_scatter_by():
     a = regression(6)
     a[:, 3] = a[:, 0]
-    scatter = np.random.default_rng(7).uniform(0.5, 2.0, 30)
+    scatter = [np.random.default_rng(7).uniform(0.5, 2.0, 30)] * 2
     found = Uncertainty.from_jacobian(NAMES, a, np.full(4, 1e3), 1.0, 30, scatter)
     assert found.rank == 3
     assert found.unobservable[0].names == ("a", "d")

@@ -11,6 +11,7 @@ from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import NotConvergedError
 from nico_selfmodel.estimation.cameras.board_residuals import BoardResiduals
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions, by_full_name
+from nico_selfmodel.estimation.cameras.corner_noise import corner_noise
 from nico_selfmodel.estimation.results.provenance import package_versions
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import RATIONAL
@@ -23,7 +24,7 @@ from nico_selfmodel.optimization.robust_solve import (
     solve_robustly,
     solve_without,
 )
-from nico_selfmodel.optimization.separable_block import Parts, SeparableBlock
+from nico_selfmodel.optimization.separable_block import Parts
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 OUTLIER_RATIO = 10.0
@@ -40,8 +41,6 @@ _EXACT = 1e-9
 """Standard deviation of corners without noise [px]."""
 _PER_PARAMETER = 20
 """Residuals for each parameter from which on they tell how they scatter one by one."""
-_LEAST_LEFT = 0.1
-"""Share of a residual, at least, that counts as not taken up by what it alone tells."""
 FEWEST_ALONE = 16
 """Corners of a board from which on one camera by itself tells how well they fit."""
 SUSPICIOUS = 3.0
@@ -292,8 +291,7 @@ class Adjustment:
     def _uncertainty(self, parts: Parts, inliers: NDArray) -> Uncertainty:
         """Return the covariance of the free camera parameters, boards eliminated.
 
-        Corners of small or slanted squares, at the image's edge, are less sharp than others, and
-        tell most of a lens: their residuals say how much less (`_scatter`).
+        Where there are enough of them, residuals tell how sharp corners are, and where.
         """
         names = self.block.shared_names
         columns = np.flatnonzero(self.program.free[: len(names)])
@@ -304,40 +302,23 @@ class Adjustment:
             for name, (_, sigma) in self.program.priors.items()
             if name in free
         ]
+        scatter = None
+        if self._tells_scatter(inliers):
+            told = corner_noise(self.views, parts, jacobian, inliers)
+            scatter = [np.append(one, np.ones(len(priors))) for one in told]
         return Uncertainty.from_jacobian(
             free,
             np.vstack([jacobian, *priors]) if priors else jacobian,
             natural_scales(free, self.views, self.x[: len(names)], names),
             float(np.sum(parts[0][inliers] ** 2)),
             self._redundancy(inliers) + len(priors),
-            self._scatter(parts, jacobian, len(priors)) if self._tells_scatter(inliers) else None,
+            scatter,
         )
 
     def _tells_scatter(self, inliers: NDArray) -> bool:
         """Whether there are enough residuals to say how each of them scatters."""
         free = int(self.program.free[: len(self.block.shared_names)].sum())
         return self._redundancy(inliers) >= _PER_PARAMETER * free
-
-    @staticmethod
-    def _scatter(parts: Parts, jacobian: NDArray, priors: int) -> NDArray:
-        """Return the variance of each residual as it alone tells it, e^2 / (1 - h).
-
-        With the leverage h of the hat matrix that is unbiased where all are alike (MacKinnon,
-        White 1985: HC2). Priors are as they are stated.
-
-        Args:
-            parts: Where the adjustment ended, views that do not count among them.
-            jacobian: By the free camera parameters, boards eliminated; zero of these views.
-                Shape (V k, s).
-            priors: Number of priors.
-
-        Returns:
-            Shape (V k + priors,).
-        """
-        e2 = parts[0].ravel() ** 2
-        q = np.linalg.qr(jacobian)[0]
-        h = SeparableBlock.own_leverage(parts) + np.sum(q * q, axis=1)
-        return np.append(e2 / np.maximum(1.0 - h, _LEAST_LEFT), np.ones(priors))
 
 
 def _rational_priors(
