@@ -51,15 +51,11 @@ def moved_meanwhile(problem: TreeProblem, solution: TreeSolution) -> Change | No
         The change that explains most, or None where there is none.
     """
     seen, data = problem.observations, problem.observations.data
-    # Of each sample, its visit in the order of time.
-    first = np.full(data.visit.max() + 1, np.iinfo(data.sample.dtype).max)
-    np.minimum.at(first, data.visit, data.sample)
-    known = np.unique(data.visit)
-    if len(known) < FEWEST_VISITS or not solution.variances_known:
+    rank, timed = _order(problem)
+    if len(np.unique(rank[timed])) < FEWEST_VISITS or not solution.variances_known:
         return None
-    rank = np.argsort(np.argsort(first[known]))[np.searchsorted(known, data.visit)]
-    last = np.full(len(known), np.iinfo(data.sample.dtype).min)
-    np.maximum.at(last, rank, data.sample)
+    last = np.full(rank.max() + 1, np.iinfo(data.sample.dtype).min)
+    np.maximum.at(last, rank[timed], data.sample[timed])
     linear = problem.residuals.linear(solution.values)
     groups, columns = _groups(problem, linear, solution.outliers)
     white, left = _left(problem, solution, linear, columns, rank[seen.sample])
@@ -76,6 +72,26 @@ def moved_meanwhile(problem: TreeProblem, solution: TreeSolution) -> Change | No
 
     change = likeliest_change(sums, groups, mixed)
     return None if change is None or change.ratio < LEAST_RATIO else change
+
+
+def _order(problem: TreeProblem) -> tuple[NDArray, NDArray]:
+    """Return of each sample its visit's place in the order of time, and whether it has one.
+
+    Boards that were photographed besides, while no joint moved what was seen, may have been so at
+    any time: their visits are dealt out evenly among the others. Where they stand behind these,
+    what corners of boards and other markers have unlike looks like a change.
+    """
+    seen, visit = problem.observations, problem.observations.data.visit
+    sample = seen.data.sample
+    others = np.unique(visit[seen.sample[~seen.apart]])
+    timed = np.isin(visit, others) if len(others) else np.ones(len(visit), dtype=bool)
+    first = np.full(visit.max() + 1, np.iinfo(sample.dtype).max)
+    np.minimum.at(first, visit, sample)
+    place = np.zeros(len(first), dtype=int)
+    known, besides = np.unique(visit[timed]), np.unique(visit[~timed])
+    place[known] = np.argsort(np.argsort(first[known]))
+    place[besides] = np.linspace(0, len(known) - 1, len(besides)).round()
+    return place[visit], timed
 
 
 def _left(
