@@ -9,9 +9,11 @@ from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation.cameras import pair_checks
 from nico_selfmodel.estimation.cameras.board_accuracy import Reconstruction
 from nico_selfmodel.estimation.cameras.board_check import BoardCheck
+from nico_selfmodel.estimation.cameras.camera_adjustment import Adjustment
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_findings import LARGEST_APART, NOTABLE_APART
+from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.cameras.lenses.lens_misfit import LensMisfit
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.geometry.rotation import rotation_from_vector
@@ -71,6 +73,20 @@ def test_of_a_sound_pair_boards_fit_alone_as_well_as_together(pair):
     count = 2.0 * pair.calibration.views.seen.sum(axis=2)
     ratio = together / count / (alone / (count - 6.0))
     assert 0.9 < np.sqrt(ratio.mean()) < 1.1
+
+
+def test_a_board_that_a_wrong_lens_puts_where_two_of_its_motions_look_alike_is_no_error(pair):
+    calibration = pair.calibration
+    adjustment = Adjustment(
+        calibration.views, calibration.cameras, calibration.X_LG, CameraOptions()
+    )
+    r, by_shared, by_own = adjustment.block.evaluate_parts(adjustment.x)
+    by_own = by_own.copy()
+    by_own[0, 1] = by_own[0, 0]
+    by_own[1, 2] = 0.0
+    together, alone = np.moveaxis(adjustment._squares_alone((r, by_shared, by_own)), 2, 0)
+    assert np.isfinite(alone).all()
+    assert (alone <= together).all()
 
 
 def test_a_camera_that_is_turned_between_pictures_is_told_with_the_boards_it_spoils():

@@ -41,6 +41,8 @@ _EXACT = 1e-9
 """Standard deviation of corners without noise [px]."""
 _PER_PARAMETER = 20
 """Residuals for each parameter from which on they tell how they scatter one by one."""
+_ALMOST_NONE = 1e-9
+"""Share of a pose's own information that no one misses, and that makes any of it invertible."""
 FEWEST_ALONE = 16
 """Corners of a board from which on one camera by itself tells how well they fit."""
 SUSPICIOUS = 3.0
@@ -267,7 +269,8 @@ class Adjustment:
         H, g = A @ np.swapaxes(A, 2, 3), (A @ r[:, :, :, None])[:, :, :, 0]
         diagonal = np.einsum("vcii->vci", H)
         told = self.views.seen.sum(axis=2) >= FEWEST_ALONE
-        H = np.where(told[:, :, None, None], H, np.eye(6) * (diagonal + 1.0)[:, :, None, :])
+        # A wrong lens may put a board where a turn and a shift of it look the same.
+        H = H + np.eye(6) * (_ALMOST_NONE * diagonal + (diagonal == 0.0))[:, :, None, :]
         alone = together - np.sum(g * np.linalg.solve(H, g[:, :, :, None])[:, :, :, 0], axis=2)
         return np.where(told[:, :, None], np.stack([together, alone], axis=2), np.nan)
 
