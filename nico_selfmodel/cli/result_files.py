@@ -2,14 +2,15 @@
 
 import shlex
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nico_selfmodel import __version__
-from nico_selfmodel.cli.option_groups import Bounds
+from nico_selfmodel.cli.option_groups import Bounds, NamedOutput
+from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset.body.body_dataset import BodyDataset
@@ -70,6 +71,40 @@ class NoReport:
     def files(self) -> dict[str, str]:
         """Return no files."""
         return {}
+
+
+def judge_and_write(
+    found: "Calibration",
+    model: "SelfModel | BodyModel",
+    draw: "Callable[[Any, Mapping[str, Any]], Report]",
+    bounds: Bounds,
+    output: NamedOutput,
+    progress: Progress,
+) -> dict[str, Any]:
+    """Judge what a command has been learning, and leave its folder.
+
+    Args:
+        found: What was learned.
+        model: The self-model of it.
+        draw: Returns the report of what was learned and its `result.json`; drawing is slow to load,
+            and is not called where no report is wanted.
+        bounds: Held-out errors above which it fails.
+        output: Where to, and whether with a report.
+        progress: Told when learning ends, and that writing begins and ends.
+
+    Returns:
+        The content of `result.json`.
+
+    Raises:
+        FileExistsError, OSError, ModelError, SelfModelError: As `write_with_report`.
+    """
+    document = judged_document(found, bounds)
+    progress("learning", 1, 1)
+    progress("writing the result", 0, 1)
+    report = NoReport(document) if output.no_report else draw(found, document)
+    write_with_report(output.out, model, report, force=output.force)
+    progress("writing the result", 1, 1)
+    return document
 
 
 def write_with_report(

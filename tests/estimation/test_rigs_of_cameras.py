@@ -72,6 +72,9 @@ def test_lenses_of_cameras_that_are_not_alike_are_chosen_one_by_one():
     choice = lens_of(views, CameraOptions(lens="auto"))
     assert choice.lens == "cam0=fisheye,cam1=polynomial,cam2=polynomial"
     assert choice.as_plain()["kind"] == choice.lens
+    # One lens for all is held against these, too.
+    assert lens_of(views, CameraOptions(lens="fisheye")).rival == choice.lens
+    assert lens_of(views, CameraOptions(lens="polynomial")).better is not None
     asked = CameraOptions.from_text(lens=choice.lens)
     assert calibrate_cameras(views, asked).cost == pytest.approx(choice.calibration.cost, rel=0.01)
 

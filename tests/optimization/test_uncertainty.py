@@ -86,6 +86,9 @@ def test_the_covariance_is_the_spread_of_regressions_whose_rows_scatter_as_they_
     assert np.mean(nees) == pytest.approx(4.0, abs=0.9)
     plain = [analyse(a, squared=float(r @ r)).sigma[1] for r in rest.T[:100]]
     assert (spread[1] / np.mean(plain) > 1.4) != alike
+    # What nobody expects they say by themselves, in part.
+    own = np.mean([scattered(a, r * r).sigma[1] for r in rest.T[:100]])
+    assert (own > 1.05 * np.mean(plain)) != alike
 
 
 def test_what_residuals_say_counts_where_it_differs_from_what_is_expected_by_more_than_chance():

@@ -1,5 +1,6 @@
 """What commands that learn do with a recording of any body."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -14,15 +15,21 @@ from nico_selfmodel.cli.option_groups import (
     OptionGroup,
     Output,
 )
-from nico_selfmodel.cli.result_files import NoReport, judged_document, write_with_report
+from nico_selfmodel.cli.result_files import (
+    judge_and_write,
+    judged_document,
+    write_with_report,
+)
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset.body.body_dataset import BodyDataset
     from nico_selfmodel.estimation.monitoring.body_relearning import BodyUpdate
+    from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
     from nico_selfmodel.estimation.tree.tree_setup import Description
     from nico_selfmodel.model.cameras.camera import Camera
     from nico_selfmodel.progress import Progress
     from nico_selfmodel.vision.boards.board_detection import AnyBoard
+    from nico_selfmodel.viz.reports.page import Report
 
 NOISE_IS_KNOWN = "a body knows the noise of its joints, and leaves out what contradicts it"
 """Why a command does not take how poses are weighed where its model is a body."""
@@ -85,16 +92,7 @@ def calibrate(
             effects=may_bend,
             up=vertical,
         )
-        document = judged_document(found, bounds)
-        progress("learning", 1, 1)
-        progress("writing the result", 0, 1)
-        report = NoReport(document)
-        if not output.no_report:
-            from nico_selfmodel.viz.reports.tree import tree_report  # slow to load
-
-            report = tree_report(found, document)
-        write_with_report(output.out, body_model(found), report, force=output.force)
-        progress("writing the result", 1, 1)
+        document = judge_and_write(found, body_model(found), _report, bounds, output, progress)
     printer.result(found.name, document, output)
 
 
@@ -120,9 +118,7 @@ def calibrate_mirrors(
         document = judged_document(learned.found, bounds)
         progress("learning mirrors", 1, 1)
         progress("writing the result", 0, 1)
-        from nico_selfmodel.viz.reports.tree import tree_report  # slow to load
-
-        report = tree_report(learned.found, document)
+        report = _report(learned.found, document)
         write_with_report(output.out, learned.model, report, force=output.force)
         progress("writing the result", 1, 1)
     printer.result(learned.model.name, document, output)
@@ -156,10 +152,14 @@ def calibrate_tool(
 def written(update: "BodyUpdate", out: Path, *, force: bool) -> dict[str, Any]:
     """Write what was learned anew of a body, with its report; return its `result.json`."""
     document = judged_document(update)
+    write_with_report(out, update.model, _report(update.found, document), force=force)
+    return document
+
+
+def _report(found: "TreeCalibration", document: "Mapping[str, Any]") -> "Report":
     from nico_selfmodel.viz.reports.tree import tree_report  # slow to load
 
-    write_with_report(out, update.model, tree_report(update.found, document), force=force)
-    return document
+    return tree_report(found, document)
 
 
 def _with_boards(

@@ -1,8 +1,9 @@
 """`nico-selfmodel calibrate body`: arm and cameras together."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -18,13 +19,15 @@ from nico_selfmodel.cli.option_groups import (
     NicoBoard,
     OptionGroup,
 )
-from nico_selfmodel.cli.result_files import NoReport, judged_document, write_with_report
+from nico_selfmodel.cli.result_files import judge_and_write
 from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset.board_views import BoardViews
+    from nico_selfmodel.estimation.body.body import BodyCalibration
     from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
     from nico_selfmodel.vision.boards.board_detection import AnyBoard
+    from nico_selfmodel.viz.reports.page import Report
 
 
 _OF_TWO_CAMERAS = (
@@ -186,17 +189,14 @@ def _calibrate(
             effects=may_bend,
             up=vertical,
         )
-        document = judged_document(found, bounds)
-        progress("learning", 1, 1)
-        progress("writing the result", 0, 1)
-        report = NoReport(document)
-        if not output.no_report:
-            from nico_selfmodel.viz.reports.body import body_report  # slow to load
-
-            report = body_report(found, document)
-        write_with_report(output.out, found.model, report, force=output.force)
-        progress("writing the result", 1, 1)
+        document = judge_and_write(found, found.model, _report, bounds, output, progress)
     printer.result(found.model.name, document, output)
+
+
+def _report(found: "BodyCalibration", document: "Mapping[str, Any]") -> "Report":
+    from nico_selfmodel.viz.reports.body import body_report  # slow to load
+
+    return body_report(found, document)
 
 
 def _views(

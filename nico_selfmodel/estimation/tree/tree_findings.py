@@ -68,6 +68,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     unexplained = [*unexplained_sensors(calibration), *_flange_misfits(calibration)]
     bend, asked = ladder.solution, not (calibration.anew or unexplained)
     change = moved_meanwhile(bend.problem, bend.solution) if asked else None
+    gears = _doubtful_gears(calibration)
     said = [] if test is None else [_held_out_words(calibration, test)]
     said += size_words(calibration)
     said += kept_words(ladder, calibration.tree.bending, calibration.at)
@@ -82,7 +83,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
         *_slip_words(calibration),
         *loose_sigmas(calibration),
         *_assumed_sigmas(calibration),
-        *_loud_words(calibration),
+        *_loud_words(calibration, gears),
         *exchanged_markers(calibration),
         *sensors_off_at_once(calibration),
         *_outlier_words(calibration),
@@ -97,7 +98,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
         ),
         *findings(FAILURE, changed),
         *findings(FAILURE, bent_reasons(calibration.flatness)),
-        *findings(FAILURE, gear_words(_doubtful_gears(calibration))),
+        *findings(FAILURE, gear_words(gears)),
         *findings(LAST, missed_touches(calibration)),
         *findings(WARNING, [*bending_warnings(ladder, calibration.at), *doubts]),
         *findings(NOTE, said),
@@ -227,10 +228,10 @@ def _doubtful_gears(calibration: TreeCalibration) -> list[DoubtfulGear]:
     return gears_taken_for_noise(calibration.train.observations, calibration.solution)
 
 
-def _loud_words(calibration: TreeCalibration) -> list[str]:
+def _loud_words(calibration: TreeCalibration, doubtful: list[DoubtfulGear]) -> list[str]:
     """Name joints that are read less surely than those they were taken for alike."""
     noise, noisy = calibration.solution.noise, calibration.train.observations.noisy_joints
-    contradicted = {gear.name.removesuffix(".gear") for gear in _doubtful_gears(calibration)}
+    contradicted = {gear.name.removesuffix(".gear") for gear in doubtful}
     out = []
     for k in sorted(noise.loud):
         joint = calibration.data.joints[noisy[k][0]]

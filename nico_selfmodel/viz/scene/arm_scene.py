@@ -138,8 +138,8 @@ def uncertainty_items(calibration: KinematicCalibration, q: NDArray, unit: float
         unit: Length that sizes are fractions of [m].
 
     Returns:
-        One item under `uncertainty`, its path ending in the factor. None where nothing is known of
-        the errors, or where unobservable directions would make it too small.
+        One item under `uncertainty`, its path ending in the factor; nothing where nothing is known
+        of the errors, or where unobservable directions would make it too small.
     """
     known = _principal_axes(calibration, q)
     if known is None:
