@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -10,7 +11,7 @@ import typer
 from nico_selfmodel.cli import inputs, options, printer
 from nico_selfmodel.cli.calibrate import any_body
 from nico_selfmodel.cli.option_groups import Output
-from nico_selfmodel.cli.result_files import judged_document, write_with_report
+from nico_selfmodel.cli.result_files import judge_and_write
 
 
 def monitor(
@@ -58,11 +59,10 @@ def monitor(
     update = relearn_cause(known, data, report, sensor)
     evaluation = evaluate_update(known, update, since_change(known, data, report), sensor)
     learned = relearned_result(update, cause.cause, evaluation)
-    relearned = judged_document(learned)
     from nico_selfmodel.viz.reports.updates import update_report  # slow to load
 
-    page = update_report(evaluation, relearned, report)
-    write_with_report(out, evaluation.after, page, force=force)
+    draw = partial(update_report, evaluation, health=report)
+    relearned = judge_and_write(learned, evaluation.after, draw, Output(out, force))
     _end(known.name, relearned, out, as_json=as_json)
 
 
@@ -94,7 +94,7 @@ def _monitor_body(
     left = left_by_cause(known, data, report)
     document = health_document(report, left)
     out = _tell(known.name, document, model, dataset, out, as_json=as_json)
-    relearned = any_body.written(relearn_body(known, data, report), out, force=force)
+    relearned = any_body.write_update(relearn_body(known, data, report), Output(out, force))
     _end(known.name, relearned, out, as_json=as_json)
 
 

@@ -6,16 +6,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from nico_selfmodel import __version__
-from nico_selfmodel.cli.option_groups import Bounds, NamedOutput
-from nico_selfmodel.progress import Progress
+from nico_selfmodel.cli.option_groups import Bounds, NamedOutput, Output
+from nico_selfmodel.progress import Progress, telling_nobody
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset.body.body_dataset import BodyDataset
     from nico_selfmodel.dataset.dataset import Dataset
     from nico_selfmodel.estimation.judging import Calibration
+    from nico_selfmodel.estimation.results.verdict import Verdict
     from nico_selfmodel.model.self_model import SelfModel
     from nico_selfmodel.model.shape.link_shape import BodyShape
     from nico_selfmodel.model.tree.body_model import BodyModel
@@ -46,19 +48,24 @@ def stamped(document: Mapping[str, Any], command: str | None = None) -> dict[str
 
 
 def judged_document(
-    calibration: "Calibration", bounds: Bounds = NO_BOUNDS, command: str | None = None
+    found: "Calibration",
+    bounds: Bounds = NO_BOUNDS,
+    command: str | None = None,
+    verdict: "Verdict | None" = None,
 ) -> dict[str, Any]:
     """Return the content of `result.json` of what a command learned, judged.
 
     Args:
-        calibration: What was learned.
+        found: What was learned.
         bounds: Held-out errors above which it fails.
         command: The command line; this process' own if omitted.
+        verdict: What is thought of it, where that is known already.
     """
-    from nico_selfmodel.estimation.judging import judge, to_json
+    from nico_selfmodel.estimation.judging import judge, result_of, to_json
 
-    verdict = judge(calibration, bounds.require_test_mm, bounds.require_test_px)
-    return stamped(to_json(calibration, verdict), command)
+    result = result_of(found)
+    verdict = verdict or judge(result, bounds.require_test_mm, bounds.require_test_px)
+    return stamped(to_json(result, verdict), command)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,21 +83,30 @@ class NoReport:
 def judge_and_write(
     found: "Calibration",
     model: "SelfModel | BodyModel",
-    draw: "Callable[[Any, Mapping[str, Any]], Report]",
-    bounds: Bounds,
-    output: NamedOutput,
-    progress: Progress,
+    draw: "Callable[[dict[str, Any]], Report]",
+    output: Output,
+    progress: Progress = telling_nobody,
+    *,
+    bounds: Bounds = NO_BOUNDS,
+    verdict: "Verdict | None" = None,
+    command: str | None = None,
+    more: Mapping[str, Any] = MappingProxyType({}),
+    **beside: Any,
 ) -> dict[str, Any]:
-    """Judge what a command has been learning, and leave its folder.
+    """Judge what a command has learned, and leave its folder.
 
     Args:
         found: What was learned.
         model: The self-model of it.
-        draw: Returns the report of what was learned and its `result.json`; drawing is slow to load,
-            and is not called where no report is wanted.
-        bounds: Held-out errors above which it fails.
+        draw: Returns the report of a `result.json`; drawing is slow to load, and is not called
+            where no report is wanted.
         output: Where to, and whether with a report.
-        progress: Told when learning ends, and that writing begins and ends.
+        progress: Told that writing begins and ends.
+        bounds: Held-out errors above which it fails.
+        verdict: What is thought of it, where that is known already.
+        command: The command line; this process' own if omitted.
+        more: What the command itself adds to `result.json`.
+        beside: What else is kept: `robot`, `recordings`, `shape` of `write_with_report`.
 
     Returns:
         The content of `result.json`.
@@ -98,11 +114,11 @@ def judge_and_write(
     Raises:
         FileExistsError, OSError, ModelError, SelfModelError: As `write_with_report`.
     """
-    document = judged_document(found, bounds)
-    progress("learning", 1, 1)
+    document = {**judged_document(found, bounds, command, verdict), **more}
     progress("writing the result", 0, 1)
-    report = NoReport(document) if output.no_report else draw(found, document)
-    write_with_report(output.out, model, report, force=output.force)
+    unseen = isinstance(output, NamedOutput) and output.no_report
+    report = NoReport(document) if unseen else draw(document)
+    write_with_report(output.out, model, report, force=output.force, **beside)
     progress("writing the result", 1, 1)
     return document
 

@@ -1,5 +1,6 @@
 """`nico-selfmodel rezero`: find the encoders' zeros again after a restart."""
 
+from functools import partial
 from typing import Annotated
 
 import typer
@@ -7,7 +8,7 @@ import typer
 from nico_selfmodel.cli import option_groups as groups
 from nico_selfmodel.cli import options, printer
 from nico_selfmodel.cli.calibrate import any_body
-from nico_selfmodel.cli.result_files import stamped, write_with_report
+from nico_selfmodel.cli.result_files import judge_and_write
 
 
 def rezero(
@@ -27,7 +28,7 @@ def rezero(
     observations.
     """
     from nico_selfmodel.dataset.folder import load_dataset
-    from nico_selfmodel.estimation.judging import judge, to_json
+    from nico_selfmodel.estimation.judging import judge
     from nico_selfmodel.estimation.monitoring.tool import rezero as find_zeros
     from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update
     from nico_selfmodel.estimation.monitoring.update_result import rezero_result
@@ -43,9 +44,8 @@ def rezero(
         known, data, joints=tuple(joint) if joint else None, sensor=sensor, loss=loss
     )
     evaluation = evaluate_update(known, found.update, data, sensor)
-    document = stamped(to_json(rezero_result(found, evaluation), judge(found)))
     from nico_selfmodel.viz.reports.updates import update_report  # slow to load
 
-    report = update_report(evaluation, document)
-    write_with_report(output.out, evaluation.after, report, force=output.force)
+    result, draw = rezero_result(found, evaluation), partial(update_report, evaluation)
+    document = judge_and_write(result, evaluation.after, draw, output, verdict=judge(found))
     printer.result(found.model.name, document, output)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.cli.learn.by_cameras import write_scenario
+from nico_selfmodel.cli.option_groups import Output
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import content_hash, load_dataset
 from nico_selfmodel.errors import NotConvergedError
@@ -63,7 +64,7 @@ def test_the_refined_body_is_kept_with_covariance_and_told_beside_what_was_befor
     scenario, tmp_path
 ):
     assert scenario.accepted
-    document = write_scenario(tmp_path / "nico", scenario, MARKER, force=False)
+    document = write_scenario(scenario, MARKER, Output(tmp_path / "nico"))
     kept = load_model(tmp_path / "nico")
     assert kept.parameters.values.tolist() == scenario.refined.model.parameters.values.tolist()
     assert {"left.fx", "right.pose.x", "right_elbow.r"} <= set(kept.covariance.names)
@@ -93,7 +94,7 @@ def test_boards_that_lie_about_their_size_make_it_refused_and_the_arm_before_is_
     scenario = refine(replace(cameras, views=wrong), MARKER, recorded.test_boards)
     assert not scenario.accepted
     assert scenario.model is scenario.arm.model
-    document = write_scenario(tmp_path / "nico", scenario, MARKER, force=False)
+    document = write_scenario(scenario, MARKER, Output(tmp_path / "nico"))
     assert document["status"] == "PASS"
     told = document["refinement"]
     assert not told["accepted"]
@@ -113,7 +114,7 @@ def test_a_refinement_without_an_end_is_told_too(cameras, recorded, tmp_path, mo
 
     monkeypatch.setattr(body_lesson, "calibrate_body", endless)
     scenario = refine(cameras, MARKER, recorded.test_boards)
-    document = write_scenario(tmp_path / "nico", scenario, MARKER, force=False)
+    document = write_scenario(scenario, MARKER, Output(tmp_path / "nico"))
     assert document["refinement"]["reasons"] == ["no plausible cameras fit the hand"]
     assert document["refinement"]["after"] is None
     assert document["status"] == "PASS"
@@ -123,9 +124,9 @@ def test_a_refinement_without_an_end_is_told_too(cameras, recorded, tmp_path, mo
 @pytest.mark.usefixtures("undrawn")
 def test_what_was_learned_by_sight_stands_upright_in_both_scenes(scenario, tmp_path):
     """The robot's own z is up, though its world is its left camera's frame."""
-    write_scenario(tmp_path / "together", scenario, MARKER, force=False)
+    write_scenario(scenario, MARKER, Output(tmp_path / "together"))
     refused = replace(scenario, verdict=replace(scenario.verdict, status="FAIL"))
-    write_scenario(tmp_path / "apart", refused, MARKER, force=False)
+    write_scenario(refused, MARKER, Output(tmp_path / "apart"))
     for name in ("together", "apart"):
         items = {item.path: item for item in load_scene(tmp_path / name).items}
         height = {p: items[p].X_WI[2, 3] for p in ("robot/base/0", "robot/chest/0", "robot/head/0")}

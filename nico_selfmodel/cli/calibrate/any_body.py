@@ -1,6 +1,6 @@
 """What commands that learn do with a recording of any body."""
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -15,11 +15,7 @@ from nico_selfmodel.cli.option_groups import (
     OptionGroup,
     Output,
 )
-from nico_selfmodel.cli.result_files import (
-    judge_and_write,
-    judged_document,
-    write_with_report,
-)
+from nico_selfmodel.cli.result_files import judge_and_write
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset.body.body_dataset import BodyDataset
@@ -92,7 +88,10 @@ def calibrate(
             effects=may_bend,
             up=vertical,
         )
-        document = judge_and_write(found, body_model(found), _report, bounds, output, progress)
+        progress("learning", 1, 1)
+        document = judge_and_write(
+            found, body_model(found), drawn(found), output, progress, bounds=bounds
+        )
     printer.result(found.name, document, output)
 
 
@@ -115,12 +114,10 @@ def calibrate_mirrors(
     with printer.progress_bar() as progress:
         progress("learning mirrors", 0, 1)
         learned = calibrate_body_mirrors(train, body, test=test, name=name)
-        document = judged_document(learned.found, bounds)
         progress("learning mirrors", 1, 1)
-        progress("writing the result", 0, 1)
-        report = _report(learned.found, document)
-        write_with_report(output.out, learned.model, report, force=output.force)
-        progress("writing the result", 1, 1)
+        document = judge_and_write(
+            learned.found, learned.model, drawn(learned.found), output, progress, bounds=bounds
+        )
     printer.result(learned.model.name, document, output)
 
 
@@ -131,7 +128,7 @@ def rezero(model: Path, dataset: Path, output: Output, joints: list[str] | None)
     from nico_selfmodel.model.tree.body_model import load_body
 
     body, data = load_body(model), load_body_dataset(dataset)
-    document = written(rezero_body(body, data, joints), output.out, force=output.force)
+    document = write_update(rezero_body(body, data, joints), output)
     printer.result(body.name, document, output)
 
 
@@ -145,21 +142,24 @@ def calibrate_tool(
     body = load_body(model)
     train, test = inputs.body_train_and_test(dataset, held_out)
     update = calibrate_body_tool(body, train, tool=tool, test=test)
-    document = written(update, output.out, force=output.force)
+    document = write_update(update, output)
     printer.result(body.name, document, output)
 
 
-def written(update: "BodyUpdate", out: Path, *, force: bool) -> dict[str, Any]:
+def write_update(update: "BodyUpdate", output: Output) -> dict[str, Any]:
     """Write what was learned anew of a body, with its report; return its `result.json`."""
-    document = judged_document(update)
-    write_with_report(out, update.model, _report(update.found, document), force=force)
-    return document
+    return judge_and_write(update, update.model, drawn(update.found), output)
 
 
-def _report(found: "TreeCalibration", document: "Mapping[str, Any]") -> "Report":
-    from nico_selfmodel.viz.reports.tree import tree_report  # slow to load
+def drawn(found: "TreeCalibration") -> "Callable[[dict[str, Any]], Report]":
+    """Return what draws the report of a body."""
 
-    return tree_report(found, document)
+    def draw(document: dict[str, Any]) -> "Report":
+        from nico_selfmodel.viz.reports.tree import tree_report  # slow to load
+
+        return tree_report(found, document)
+
+    return draw
 
 
 def _with_boards(

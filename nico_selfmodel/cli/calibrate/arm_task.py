@@ -2,14 +2,25 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from nico_selfmodel.cli import inputs, options
-from nico_selfmodel.cli.option_groups import Bends, Bounds, Chain, Fixed, HeldOut, OptionGroup
-from nico_selfmodel.cli.result_files import NoReport, judged_document, write_with_report
+from nico_selfmodel.cli.option_groups import (
+    Bends,
+    Bounds,
+    Chain,
+    Fixed,
+    HeldOut,
+    NamedOutput,
+    OptionGroup,
+)
+from nico_selfmodel.cli.result_files import judge_and_write
 from nico_selfmodel.progress import Progress
+
+if TYPE_CHECKING:
+    from nico_selfmodel.viz.reports.page import Report
 
 
 @dataclass(frozen=True)
@@ -38,21 +49,17 @@ class ArmTask:
     bounds: Bounds
     command: str
     """The command line, for `result.json`."""
-    name: str | None = None
-    """Of the self-model."""
-    no_report: bool = False
-    """Leave out report, residuals and scene."""
+    output: NamedOutput
 
     def run(
-        self, dataset: Path, out: Path, progress: Progress, *, force: bool = False
+        self, dataset: Path, output: NamedOutput, progress: Progress
     ) -> tuple[str, dict[str, Any]]:
         """Learn an arm and write its result folder.
 
         Args:
             dataset: Folder of the data set.
-            out: The folder to make.
+            output: The folder to make.
             progress: Told how far it is.
-            force: Replace an existing folder.
 
         Returns:
             Name of the self-model, and what is in its `result.json`.
@@ -85,7 +92,7 @@ class ArmTask:
             loss=self.search.loss,
             starts=self.search.starts,
             seed=self.held_out.seed,
-            name=self.name,
+            name=output.name,
             effects=effects,
             up=up,
         )
@@ -95,13 +102,20 @@ class ArmTask:
         result = arm_result(calibration)
         if stereo is not None:
             result = stereo.with_pixels(result, calibration.model)
-        document = judged_document(result, self.bounds, self.command)
-        progress("writing the result", 0, 1)
-        report = NoReport(document)
-        if not self.no_report:
+
+        def draw(document: dict[str, Any]) -> "Report":
             from nico_selfmodel.viz.reports.arm import arm_report  # slow to load
 
-            report = arm_report(calibration, document, description)
-        write_with_report(out, calibration.model, report, robot=description, force=force)
-        progress("writing the result", 1, 1)
+            return arm_report(calibration, document, description)
+
+        document = judge_and_write(
+            result,
+            calibration.model,
+            draw,
+            output,
+            progress,
+            bounds=self.bounds,
+            command=self.command,
+            robot=description,
+        )
         return calibration.model.name, document

@@ -1,6 +1,5 @@
 """`nico-selfmodel calibrate body`: arm and cameras together."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,7 +23,6 @@ from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset.board_views import BoardViews
-    from nico_selfmodel.estimation.body.body import BodyCalibration
     from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
     from nico_selfmodel.vision.boards.board_detection import AnyBoard
     from nico_selfmodel.viz.reports.page import Report
@@ -189,14 +187,15 @@ def _calibrate(
             effects=may_bend,
             up=vertical,
         )
-        document = judge_and_write(found, found.model, _report, bounds, output, progress)
+        progress("learning", 1, 1)
+
+        def draw(document: dict[str, Any]) -> "Report":
+            from nico_selfmodel.viz.reports.body import body_report  # slow to load
+
+            return body_report(found, document)
+
+        document = judge_and_write(found, found.model, draw, output, progress, bounds=bounds)
     printer.result(found.model.name, document, output)
-
-
-def _report(found: "BodyCalibration", document: "Mapping[str, Any]") -> "Report":
-    from nico_selfmodel.viz.reports.body import body_report  # slow to load
-
-    return body_report(found, document)
 
 
 def _views(

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from nico_selfmodel.cli import inputs, printer
 from nico_selfmodel.cli.option_groups import (
@@ -13,7 +13,7 @@ from nico_selfmodel.cli.option_groups import (
     LensChoice,
     NamedOutput,
 )
-from nico_selfmodel.cli.result_files import NoReport, stamped, write_with_report
+from nico_selfmodel.cli.result_files import judge_and_write
 from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
@@ -46,7 +46,6 @@ class CameraTask:
         """
         from nico_selfmodel.vision.boards.board_detections import detect_boards_of_cameras
 
-        out, force = self.output.out, self.output.force
         self.output.refuse(self.folder)
         inputs.refuse_untested(Bounds(None, self.require_test_px), self.held_out)
         board, options = self.board.load(), self.lens.load()
@@ -54,11 +53,8 @@ class CameraTask:
         name = self.output.name or inputs.name_after(self.folder)
         with printer.progress_bar() as progress:
             found = detect_boards_of_cameras(self.images, board, self.window, progress)
-            model, report = self._learn(found, options, known, name, progress)
-            progress("writing the result", 0, 1)
-            write_with_report(out, model, report, force=force)
-            progress("writing the result", 1, 1)
-        printer.result(name, report.document, self.output)
+            document = self._learn(found, options, known, name, progress)
+        printer.result(name, document, self.output)
 
     def _learn(
         self,
@@ -67,12 +63,11 @@ class CameraTask:
         known: "SelfModel | None",
         name: str,
         progress: Progress,
-    ) -> "tuple[SelfModel, Report | NoReport]":
-        """Calibrate and judge; return what is to be written."""
+    ) -> dict[str, Any]:
+        """Calibrate, judge and write; return what is in `result.json`."""
         from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
         from nico_selfmodel.estimation.cameras.known_cameras import cameras_for
         from nico_selfmodel.estimation.cameras.lenses.lens_choice import lens_of
-        from nico_selfmodel.estimation.judging import judge, to_json
 
         if known is not None:
             cameras_for(known, found.views)  # refused before anything is learned
@@ -88,14 +83,17 @@ class CameraTask:
             decentred=choice.decentred,
             left_out=choice.left_out,
         )
-        verdict = judge(assessment, require_test_px=self.require_test_px)
-        document = stamped(to_json(assessment, verdict)) | {"detection": found.document}
-        document["lens"] = choice.as_plain()
         progress("learning the cameras", 2, 2)
         model = assessment.calibration.self_model(name, found.provenance)
-        if self.output.no_report:
-            return model, NoReport(document)
-        # Drawing is slow to load, and only needed once there is something to draw.
-        from nico_selfmodel.viz.reports.cameras import camera_report
 
-        return model, camera_report(assessment, document, found.read_images(), model)
+        def draw(document: dict[str, Any]) -> "Report":
+            # Drawing is slow to load, and only needed once there is something to draw.
+            from nico_selfmodel.viz.reports.cameras import camera_report
+
+            return camera_report(assessment, document, found.read_images(), model)
+
+        more = {"detection": found.document, "lens": choice.as_plain()}
+        bounds = Bounds(require_test_px=self.require_test_px)
+        return judge_and_write(
+            assessment, model, draw, self.output, progress, bounds=bounds, more=more
+        )

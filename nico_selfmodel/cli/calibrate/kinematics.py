@@ -27,32 +27,20 @@ def kinematics(
     pixels, in the left camera's frame. Of several data sets, or of folders that hold some, it makes
     one folder with a result for each and one table; a robot a folder is many robots at once.
     """
-    out, force, test = output.out, output.force, held_out.test
-    output.refuse(*dataset, test, chain.robot, search.cameras)
+    output.refuse(*dataset, held_out.test, chain.robot, search.cameras)
     bounds = groups.Bounds(require_test_mm)
     inputs.refuse_untested(bounds, held_out)
-    task = ArmTask(
-        held_out,
-        search,
-        fixed,
-        bends,
-        chain,
-        bounds,
-        command_line(),
-        output.name,
-        output.no_report,
-    )
+    task = ArmTask(held_out, search, fixed, bends, chain, bounds, command_line(), output)
     if len(dataset) == 1 and not _holds_data_sets(dataset[0]):
         with printer.progress_bar() as progress:
-            known_as, document = task.run(dataset[0], out, progress, force=force)
+            known_as, document = task.run(dataset[0], output, progress)
         printer.result(known_as, document, output)
-    if test is not None or output.name is not None:
+    if held_out.test is not None or output.name is not None:
         raise ValueError("--test and --name are for one data set: take --test-fraction for many")
     from nico_selfmodel.cli.calibrate.many import calibrate_many, recordings_in
     from nico_selfmodel.parallel import Workers
 
-    recordings, workers = recordings_in(dataset), Workers(processes, dask)
-    calibrate_many(recordings, task, workers, out, force=force, as_json=output.as_json)
+    calibrate_many(recordings_in(dataset), task, Workers(processes, dask))
 
 
 def _holds_data_sets(folder: Path) -> bool:

@@ -5,7 +5,7 @@ import os
 import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
@@ -17,6 +17,7 @@ from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.files.csv_cells import rows_text
 from nico_selfmodel.files.whole import RESULT_FILE, folder_written_whole
 from nico_selfmodel.parallel import Workers
+from nico_selfmodel.progress import telling_nobody
 
 TABLE_FILE = "table.csv"
 _HEADINGS = ("data set", "verdict", "poses", "held out [mm]", "training [mm]", "outliers")
@@ -54,29 +55,22 @@ def recordings_in(folders: Sequence[Path]) -> list[Recording]:
     return [Recording(str(place.relative_to(common)), place) for place in places]
 
 
-def calibrate_many(
-    recordings: Sequence[Recording],
-    task: ArmTask,
-    workers: Workers,
-    out: Path,
-    *,
-    force: bool = False,
-    as_json: bool = False,
-) -> NoReturn:
+def calibrate_many(recordings: Sequence[Recording], task: ArmTask, workers: Workers) -> NoReturn:
     """Learn from each recording; write a result for each, `table.csv` and `result.json`.
 
     Args:
         recordings: What to learn from.
-        task: How.
+        task: How, and the folder to make, whole or not at all.
         workers: Who learns.
-        out: The folder to make, whole or not at all.
-        force: Replace an existing folder.
-        as_json: Print the document.
 
     Raises:
         typer.Exit: Always, with 1 where one of them failed or was refused.
     """
-    with folder_written_whole(out, force=force) as inside, printer.progress_bar() as progress:
+    out = task.output.out
+    with (
+        folder_written_whole(out, force=task.output.force) as inside,
+        printer.progress_bar() as progress,
+    ):
         found = workers.map(
             partial(_learn, task, inside.absolute()),
             recordings,
@@ -88,7 +82,7 @@ def calibrate_many(
         columns = (*_COLUMNS, "reason")
         rows = ([row[column] for column in columns] for row in found)
         (inside / TABLE_FILE).write_text(rows_text(columns, rows), encoding="utf-8")
-    if as_json:
+    if task.output.as_json:
         printer.as_json(document)
     else:
         rows = [[_shown(row[column]) for column in _COLUMNS] for row in found]
@@ -103,7 +97,8 @@ def _learn(task: ArmTask, out: Path, recording: Recording) -> dict[str, Any]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what is doubtful stands in each report
         try:
-            _, document = task.run(recording.dataset, out / recording.name, _quietly)
+            output = replace(task.output, out=out / recording.name, force=False)
+            _, document = task.run(recording.dataset, output, telling_nobody)
         except (SelfModelError, ValueError, OSError) as error:
             empty = dict.fromkeys(_COLUMNS)
             reason = " ".join(str(error).split())
@@ -117,10 +112,6 @@ def _learn(task: ArmTask, out: Path, recording: Recording) -> dict[str, Any]:
         "outliers": len(document["outliers"]),
         "reason": document["reasons"][0] if document["reasons"] else "",
     }
-
-
-def _quietly(what: str, done: int, total: int) -> None:
-    """Many tell how many of them are done, not how far each is."""
 
 
 def _mean(block: Mapping[str, Any] | None) -> float | None:

@@ -1,5 +1,6 @@
 """`nico-selfmodel calibrate mirror`: learn mirrors from reflections of the hand."""
 
+from functools import partial
 from typing import Annotated
 
 import typer
@@ -7,7 +8,7 @@ import typer
 from nico_selfmodel.cli import inputs, options, printer
 from nico_selfmodel.cli import option_groups as groups
 from nico_selfmodel.cli.calibrate import any_body
-from nico_selfmodel.cli.result_files import judged_document, write_with_report
+from nico_selfmodel.cli.result_files import judge_and_write
 
 
 def mirror(
@@ -58,18 +59,15 @@ def mirror(
             loss=loss,
             name=name,
         )
-        found = judged(found, judge(found, require_test_px=require_test_px))
-        document = judged_document(found, bounds)
         progress("learning mirrors", 1, 1)
-        progress("writing the result", 0, 1)
         # Drawing is slow to load, and only needed once there is something to draw.
         from nico_selfmodel.plant import ArmDescription
         from nico_selfmodel.viz.reports.mirrors import mirror_report
         from nico_selfmodel.viz.scene.mirror_picture import recorded_pictures
 
-        pictures = recorded_pictures(dataset, train)
+        verdict = judge(found, require_test_px=require_test_px)
+        found, pictures = judged(found, verdict), recorded_pictures(dataset, train)
         robot = ArmDescription.of_model(body) if pictures else None
-        report = mirror_report(found, document, pictures, robot)
-        write_with_report(output.out, found.model, report, force=output.force)
-        progress("writing the result", 1, 1)
+        draw = partial(mirror_report, found, pictures=pictures, robot=robot)
+        document = judge_and_write(found, found.model, draw, output, progress, verdict=verdict)
     printer.result(found.model.name, document, output)

@@ -1,5 +1,6 @@
 """`nico-selfmodel calibrate tool`: a tool in the hand becomes part of the body."""
 
+from functools import partial
 from typing import Annotated
 
 import typer
@@ -7,7 +8,7 @@ import typer
 from nico_selfmodel.cli import inputs, options, printer
 from nico_selfmodel.cli import option_groups as groups
 from nico_selfmodel.cli.calibrate import any_body
-from nico_selfmodel.cli.result_files import stamped, write_with_report
+from nico_selfmodel.cli.result_files import judge_and_write
 
 
 def tool(
@@ -29,7 +30,7 @@ def tool(
 
     Of a body of any tree the recording lists the tip as a marker on the link that holds it.
     """
-    from nico_selfmodel.estimation.judging import judge, to_json
+    from nico_selfmodel.estimation.judging import judge
     from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, of_tip, with_marker
     from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update
     from nico_selfmodel.estimation.monitoring.update_result import tool_result
@@ -52,9 +53,8 @@ def tool(
         None if test is None else of_tip(known, test, found.tool),
         with_prior=free_body,
     )
-    document = stamped(to_json(tool_result(found, evaluation), judge(found)))
     from nico_selfmodel.viz.reports.updates import update_report  # slow to load
 
-    report = update_report(evaluation, document)
-    write_with_report(output.out, evaluation.after, report, force=output.force)
+    result, draw = tool_result(found, evaluation), partial(update_report, evaluation)
+    document = judge_and_write(result, evaluation.after, draw, output, verdict=judge(found))
     printer.result(found.model.name, document, output)

@@ -1,12 +1,13 @@
 """The part of `nico-selfmodel learn` that goes through the robot's cameras."""
 
 from collections.abc import Mapping
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from nico_selfmodel.cli import printer
 from nico_selfmodel.cli.option_groups import Output
-from nico_selfmodel.cli.result_files import judged_document, stamped, write_with_report
+from nico_selfmodel.cli.result_files import judge_and_write
+from nico_selfmodel.progress import Progress, telling_nobody
 
 if TYPE_CHECKING:
     from nico_selfmodel.sessions.body_scenario import BodyScenario
@@ -52,65 +53,46 @@ def learn_by_cameras(
                 scenario.model, world, seed, marker=marker, familiar=familiar, stage=progress
             )
             scenario = with_mirror(scenario, seen)
-        progress("writing the result", 0, 1)
-        document = write_scenario(output.out, scenario, marker, output.force)
+        document = write_scenario(scenario, marker, output, progress)
         if seen is not None:
             document = write_mirror_scenario(output.out, document, seen)
-        progress("writing the result", 1, 1)
     parts = _parts(scenario, document, sensor) + mirror_parts(document)
     more = _told_in_words(document)
     printer.result(scenario.model.name, document, output, parts=parts, more=more)
 
 
-def write_scenario(out: Path, scenario: "BodyScenario", marker: str, force: bool) -> dict[str, Any]:
+def write_scenario(
+    scenario: "BodyScenario", marker: str, output: Output, progress: Progress = telling_nobody
+) -> dict[str, Any]:
     """Write the refined body, or the arm as it was before where the refinement was refused.
 
     Args:
-        out: The folder to make.
         scenario: What was learned.
         marker: What was tracked.
-        force: Replace an existing folder.
+        output: The folder to make.
+        progress: Told how far it is.
 
     Returns:
         What is in its `result.json`.
     """
-    from nico_selfmodel.estimation.judging import to_json
     from nico_selfmodel.systems.looking import looking_arm
-    from nico_selfmodel.viz.reports.body import body_report
 
-    if scenario.refined is None or not scenario.accepted:
-        return _write_unrefined(out, scenario, marker, force)
-    document = stamped(to_json(scenario.refined, scenario.verdict)) | _told(scenario)
-    write_with_report(
-        out,
-        scenario.refined.model,
-        body_report(scenario.refined, document, looking_arm(marker)),
-        recordings={"train": scenario.arm.train, "test": scenario.arm.test},
-        force=force,
-    )
-    return document
+    refined, arm, robot = scenario.refined, scenario.arm, looking_arm(marker)
+    beside: dict[str, Any] = {"recordings": {"train": arm.train, "test": arm.test}}
+    if refined is not None and scenario.accepted:
+        from nico_selfmodel.viz.reports.body import body_report
 
+        found, beside["verdict"] = refined, scenario.verdict
+        draw = partial(body_report, refined, robot=robot)
+    else:  # the arm as it was learned after the cameras, and why nothing better came of it
+        from nico_selfmodel.estimation.judging import result_of
+        from nico_selfmodel.viz.reports.arm import arm_report
 
-def _write_unrefined(
-    out: Path, scenario: "BodyScenario", marker: str, force: bool
-) -> dict[str, Any]:
-    """Write the arm as it was learned after the cameras, and why nothing better came of it."""
-    from nico_selfmodel.estimation.judging import result_of
-    from nico_selfmodel.systems.looking import looking_arm
-    from nico_selfmodel.viz.reports.arm import arm_report
-
-    arm, robot = scenario.arm, looking_arm(marker)
-    result = arm.stereo.with_pixels(result_of(arm.calibration), arm.model)
-    document = judged_document(result) | _told(scenario)
-    write_with_report(
-        out,
-        arm.model,
-        arm_report(arm.calibration, document, robot),
-        robot=robot,
-        recordings={"train": arm.train, "test": arm.test},
-        force=force,
-    )
-    return document
+        found = arm.stereo.with_pixels(result_of(arm.calibration), arm.model)
+        beside["robot"] = robot
+        draw = partial(arm_report, arm.calibration, robot=robot)
+    more = _told(scenario)
+    return judge_and_write(found, scenario.model, draw, output, progress, more=more, **beside)
 
 
 def _told(scenario: "BodyScenario") -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,7 +10,7 @@ import typer
 
 from nico_selfmodel.cli import inputs, options, printer
 from nico_selfmodel.cli import option_groups as groups
-from nico_selfmodel.cli.result_files import judged_document, write_with_report
+from nico_selfmodel.cli.result_files import judge_and_write
 from nico_selfmodel.names import refuse_unknown
 
 if TYPE_CHECKING:
@@ -148,17 +149,15 @@ def _by_motion_capture(
         first = learn_by_motion_capture(
             description, world, seed=seed, random_poses=random_poses, stage=progress
         )
-        progress("writing the result", 0, 1)
-        document = judged_document(first.refined)
-        write_with_report(
-            output.out,
+        document = judge_and_write(
+            first.refined,
             first.refined.model,
-            arm_report(first.refined, document, description),
+            partial(arm_report, first.refined, robot=description),
+            output,
+            progress,
             robot=description,
             recordings={"train": first.train, "test": first.test},
-            force=output.force,
         )
-        progress("writing the result", 1, 1)
     circles = first.circle_points.test if first.circle_points else None
     alone = circles and {"n": circles.statistics.n, "position_mm": circles.statistics.as_mm()}
     thesis: dict[str, Any] = {"n": 100, "position_mm": {"mean": 3.19, "sd": 1.71}}

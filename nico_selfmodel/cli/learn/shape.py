@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
@@ -10,9 +10,10 @@ import numpy as np
 from nico_selfmodel.cli import printer
 from nico_selfmodel.cli.learn.mirror import mirror_parts, write_mirror_scenario
 from nico_selfmodel.cli.option_groups import Output
-from nico_selfmodel.cli.result_files import judged_document, write_with_report
+from nico_selfmodel.cli.result_files import judge_and_write
 
 if TYPE_CHECKING:
+    from nico_selfmodel.progress import Progress
     from nico_selfmodel.sessions.mirrors.own_shape import ShapeScenario
     from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
@@ -23,9 +24,7 @@ def learn_shape(output: Output, world: "Imperfections", seed: int) -> NoReturn:
 
     with printer.progress_bar() as progress:
         scenario = learn_own_shape(world, seed, progress)
-        progress("writing the result", 0, 1)
-        document = _write_shape_scenario(output.out, scenario, output.force)
-        progress("writing the result", 1, 1)
+        document = _write_shape_scenario(scenario, output, progress)
     parts = [
         ("held out", document["test"]),
         ("training", document["train"]),
@@ -35,7 +34,9 @@ def learn_shape(output: Output, world: "Imperfections", seed: int) -> NoReturn:
     printer.result(scenario.model.name, document, output, parts=parts, more=more)
 
 
-def _write_shape_scenario(out: Path, scenario: "ShapeScenario", force: bool) -> dict[str, Any]:
+def _write_shape_scenario(
+    scenario: "ShapeScenario", output: Output, progress: "Progress"
+) -> dict[str, Any]:
     """Write arm, cameras, mirrors and shape to a result folder; return its `result.json`."""
     from nico_selfmodel.estimation.judging import result_of
     from nico_selfmodel.plant import ArmDescription
@@ -44,17 +45,18 @@ def _write_shape_scenario(out: Path, scenario: "ShapeScenario", force: bool) -> 
     arm, robot = scenario.arm, ArmDescription.of_model(scenario.model)
     calibration = replace(arm.calibration, model=scenario.model)
     result = arm.stereo.with_pixels(result_of(calibration), scenario.model)
-    document = judged_document(result) | {"shape": _shape_document(scenario)}
-    write_with_report(
-        out,
+    document = judge_and_write(
+        result,
         scenario.model,
-        arm_report(calibration, document, robot),
+        partial(arm_report, calibration, robot=robot),
+        output,
+        progress,
+        more={"shape": _shape_document(scenario)},
         robot=robot,
         recordings={"train": arm.train, "test": arm.test},
         shape=scenario.shape.body,
-        force=force,
     )
-    return write_mirror_scenario(out, document, scenario.mirrors)
+    return write_mirror_scenario(output.out, document, scenario.mirrors)
 
 
 def _shape_document(scenario: "ShapeScenario") -> dict[str, Any]:

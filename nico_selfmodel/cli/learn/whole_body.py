@@ -1,11 +1,12 @@
 """The part of `nico-selfmodel learn` in which the head turns: `--head`, `--arms`."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from nico_selfmodel.cli import printer
 from nico_selfmodel.cli.option_groups import Output
-from nico_selfmodel.cli.result_files import judged_document, write_with_report
+from nico_selfmodel.cli.result_files import judge_and_write
 
 if TYPE_CHECKING:
     from nico_selfmodel.sessions.whole_scenario import WholeScenario
@@ -25,26 +26,24 @@ def learn_whole_body(
 
     with printer.progress_bar() as progress:
         scenario = learn_whole(world, seed, arms=arms, stage=progress)
-        progress("writing the result", 0, 1)
-        document = _document(scenario)
-        write_with_report(
-            output.out,
+        document = judge_and_write(
+            scenario.found,
             body_model(scenario.found),
-            tree_report(scenario.found, document),
+            partial(tree_report, scenario.found),
+            output,
+            progress,
+            more=_document(scenario),
             recordings={"train": scenario.train, "test": scenario.test},
-            force=output.force,
         )
-        progress("writing the result", 1, 1)
     more = _told_in_words(document)
     printer.result(scenario.found.name, document, output, more=more)
 
 
 def _document(scenario: "WholeScenario") -> dict[str, Any]:
-    """Return what `result.json` tells, of each lens alone and of each hand too."""
+    """Return what `result.json` tells of each lens alone and of each hand besides."""
     from nico_selfmodel.estimation.tree.link_errors import held_out_links
 
-    found = scenario.found
-    return judged_document(found) | {
+    return {
         "lenses": {
             name: {"boards": len(lens.views), "rms_px": lens.rms}
             for name, lens in scenario.lenses.items()
@@ -57,7 +56,7 @@ def _document(scenario: "WholeScenario") -> dict[str, Any]:
                 "mechanics_px": scenario.mechanics[name],
                 "ratio": errors.mean_px / scenario.mechanics[name],
             }
-            for name, errors in held_out_links(found).items()
+            for name, errors in held_out_links(scenario.found).items()
         },
     }
 

@@ -30,7 +30,10 @@ from nico_selfmodel.servos.pic_servo.simulated.line import PicServoLine
 
 
 class PicServoMotor:
-    """The board of a joint. Modules that are enabled are in the group of their arm."""
+    """The board of a joint. Modules that are enabled are in the group of their arm.
+
+    As of every `Motor`, each method raises `BusError` where it does not answer.
+    """
 
     answers = True
 
@@ -59,11 +62,7 @@ class PicServoMotor:
         return self.board.bus.counts[self.board.address]
 
     def take_over(self) -> bool:
-        """Stop it where it moves or looks for its home; returns whether it holds, without a fault.
-
-        Raises:
-            BusError: If it does not answer.
-        """
+        """Stop it where it moves or looks for its home; return whether it holds without a fault."""
         status, holds = self.board.watch(), False
         if status.auxiliary is not None and status.auxiliary & AuxiliaryFlag.SERVO_ON:
             self.board.rate_divisor = self.joint.gains.rate_divisor
@@ -78,11 +77,7 @@ class PicServoMotor:
         return holds
 
     def switch_on(self) -> None:
-        """Switch the servo on where the joint stands, and let it obey the packets to its group.
-
-        Raises:
-            BusError: If the board does not answer.
-        """
+        """Switch the servo on where the joint stands, and let it obey the packets to its group."""
         self.board.set_output(self.joint.output_mode)
         self.board.set_gains(self.joint.gains)
         self.board.arm_amplifier()
@@ -91,19 +86,11 @@ class PicServoMotor:
         join_group(self.board, self.group)
 
     def poll(self) -> Reading:
-        """Return what the board says now.
-
-        Raises:
-            BusError: If it does not answer.
-        """
+        """Return what the board says now."""
         return self._reading(self.board.poll())
 
     def look_again(self, reading: Reading) -> Reading:
-        """Return a reading with its position read anew, by a shorter packet.
-
-        Raises:
-            BusError: If the board does not answer.
-        """
+        """Return a reading with its position read anew, by a shorter packet."""
         if reading.fault is not None:
             return self.poll()
         position = self.board.read(StatusItem.POSITION).position
@@ -113,48 +100,28 @@ class PicServoMotor:
     def move_to(
         self, goal: int, velocity: float | None, acceleration: float | None, *, start: bool
     ) -> Reading:
-        """Give the board a goal.
-
-        Raises:
-            BusError: If it does not answer.
-        """
+        """Give the board a goal."""
         status = self.board.move_to(goal, velocity, acceleration, start=start)
         self.loaded = not start
         return self._reading(status)
 
     def brake(self, acceleration: float, *, start: bool) -> Reading:
-        """Slow down to a standstill.
-
-        Raises:
-            BusError: If the board does not answer.
-        """
+        """Slow down to a standstill."""
         status = self.board.brake(acceleration, start=start)
         self.loaded = not start
         return self._reading(status)
 
     def stop(self, *, smoothly: bool) -> None:
-        """Stop and hold.
-
-        Raises:
-            BusError: If the board does not answer.
-        """
+        """Stop and hold."""
         (self.board.stop_smoothly if smoothly else self.board.hold)()
 
     def release(self) -> None:
-        """Switch motor and amplifier off, and leave the group.
-
-        Raises:
-            BusError: If the board does not answer.
-        """
+        """Switch motor and amplifier off, and leave the group."""
         self.board.release()
         join_group(self.board, EVERYONE)
 
     def knows_its_zero(self) -> bool:
-        """Return whether the zero was set since the board was powered up.
-
-        Raises:
-            BusError: If it does not answer.
-        """
+        """Return whether the zero was set since the board was powered up."""
         return self.board.knows_its_zero()
 
     def zero_at(self, register: int) -> None:
@@ -193,7 +160,10 @@ class PicServoMotor:
 
 
 class PicServoJointBus:
-    """The boards of a configuration on their bus."""
+    """The boards of a configuration on their bus.
+
+    What sends raises `PortLostError` where the port is gone.
+    """
 
     def __init__(self, bus: Bus, config: ServoConfig) -> None:
         """Describe them; sends nothing.
@@ -264,22 +234,14 @@ class PicServoJointBus:
         """Do nothing: a board that is given a goal answers with its state."""
 
     def flush(self) -> None:
-        """Start together what was loaded.
-
-        Raises:
-            PortLostError: If the port is gone.
-        """
+        """Start together what was loaded."""
         if any(motor.loaded for motor in self.motors):
             for motor in self.motors:
                 motor.loaded = False
             start_together(self.bus, self.group)
 
     def stop_all(self, motors: Sequence[Motor], *, smoothly: bool) -> None:
-        """Stop the boards that are enabled with one packet; nobody confirms.
-
-        Raises:
-            PortLostError: If the port is gone.
-        """
+        """Stop the boards that are enabled with one packet; nobody confirms."""
         for motor in self.motors:
             motor.loaded = False
         stop_together(self.bus, self.group, smoothly=smoothly)

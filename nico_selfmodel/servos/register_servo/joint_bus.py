@@ -20,7 +20,10 @@ _ATTEMPTS = 2
 
 
 class RegisterJointBus:
-    """The servos of a configuration. Making one sends nothing."""
+    """The servos of a configuration. Making one sends nothing.
+
+    What sends raises `PortLostError` where the port is gone.
+    """
 
     make: Make
     sdk_type: type[PacketSdk]
@@ -150,11 +153,7 @@ class RegisterJointBus:
         raise NotImplementedError
 
     def read_all(self) -> None:
-        """Read every servo with one packet; who is missing is read by itself when it is polled.
-
-        Raises:
-            PortLostError: If the port is gone.
-        """
+        """Read every servo with one packet; who is missing is read by itself when it is polled."""
         self._read(self.motors)
 
     def _read(self, motors: Sequence[RegisterMotor]) -> None:
@@ -167,9 +166,6 @@ class RegisterJointBus:
 
         On a line that damages packets each is written by itself: shorter packets come through, and
         those are confirmed.
-
-        Raises:
-            PortLostError: If the port is gone.
         """
         waiting = [motor for motor in self.motors if motor.waiting and motor.told is not None]
         for motor in self.motors:
@@ -190,11 +186,7 @@ class RegisterJointBus:
             motor.was_written()
 
     def stop_all(self, motors: Sequence[Motor], *, smoothly: bool) -> None:
-        """Stop servos with one packet; nobody confirms.
-
-        Raises:
-            PortLostError: If the port is gone.
-        """
+        """Stop servos with one packet; nobody confirms."""
         for motor in self.motors:
             motor.waiting = False
         mine = [motor for motor in self.motors if motor in motors]

@@ -49,7 +49,10 @@ class State:
 
 
 class RegisterMotor(ABC):
-    """A servo at its id. Making one sends nothing."""
+    """A servo at its id. Making one sends nothing.
+
+    As of every `Motor`, each method raises `BusError` where it does not answer.
+    """
 
     answers = False
     block: tuple[int, int]
@@ -120,11 +123,7 @@ class RegisterMotor(ABC):
         """Bring a servo that is off to where it may be switched on: mode, faults."""
 
     def look(self) -> State:
-        """Read the servo now.
-
-        Raises:
-            BusError: If it does not answer.
-        """
+        """Read the servo now."""
         status, self.fresh = self.fresh, None
         if status is None:
             status = self.bus.read(self.address, *self.block)
@@ -132,11 +131,7 @@ class RegisterMotor(ABC):
         return self.state
 
     def poll(self) -> Reading:
-        """Return what the servo says now; what it was told and does not hold is told again.
-
-        Raises:
-            BusError: If it does not answer.
-        """
+        """Return what the servo says now; what it was told and does not hold is told again."""
         state = self.look()
         fault = state.fault
         if self.told is None or state.goal == self.told:
@@ -158,9 +153,6 @@ class RegisterMotor(ABC):
 
         A packet of the position alone is short: what damages two bytes of it so that its checksum
         does not show it is a hundred times rarer than of a whole state.
-
-        Raises:
-            BusError: If the servo does not answer.
         """
         if reading.fault is not None or self.state is None:
             return self.poll()
@@ -181,21 +173,13 @@ class RegisterMotor(ABC):
     def move_to(
         self, goal: int, velocity: float | None, acceleration: float | None, *, start: bool
     ) -> Reading:
-        """Note a goal; the bus sends it with those of the others, when it is flushed.
-
-        Raises:
-            BusError: If the servo does not answer.
-        """
+        """Note a goal; the bus sends it with those of the others, when it is flushed."""
         reading = self.poll()
         self.tell(goal, velocity, acceleration)
         return reading
 
     def brake(self, acceleration: float, *, start: bool) -> Reading:
-        """Note that it is to slow down to a standstill.
-
-        Raises:
-            BusError: If the servo does not answer.
-        """
+        """Note that it is to slow down to a standstill."""
         reading = self.poll()
         self.tell_to_stop(smoothly=True, acceleration=acceleration)
         return reading
@@ -263,9 +247,6 @@ class RegisterMotor(ABC):
 
         Returns:
             Whether it holds its joint, without a fault.
-
-        Raises:
-            BusError: If it does not answer.
         """
         self.told, self.waiting, self.fresh = None, False, None
         self.forget_profile()
@@ -312,31 +293,19 @@ class RegisterMotor(ABC):
         """Let the servo itself watch whether its host is alive, where it can."""
 
     def release(self) -> None:
-        """Switch it off: a loaded joint falls.
-
-        Raises:
-            BusError: If it does not answer.
-        """
+        """Switch it off: a loaded joint falls."""
         self.told, self.waiting = None, False
         self.bus.write(self.address, self.torque_register, b"\x00")
         self.watch_over(on=False)
 
     def knows_its_zero(self) -> bool:
-        """Return whether its homing offset is that of the configuration, or any will do.
-
-        Raises:
-            BusError: If it does not answer.
-        """
+        """Return whether its homing offset is that of the configuration, or any will do."""
         wanted = self.joint.homing_offset
         return wanted is None or self.homing_offset() == wanted
 
     @abstractmethod
     def homing_offset(self) -> int:
-        """Return its homing offset.
-
-        Raises:
-            BusError: If it does not answer.
-        """
+        """Return its homing offset."""
 
     @abstractmethod
     def zero_at(self, register: int) -> None:

@@ -46,7 +46,10 @@ class DeviceId:
 
 
 class PicServo:
-    """A module at its address. Making one sends nothing."""
+    """A module at its address. Making one sends nothing.
+
+    Every method raises `BusError` where there is no good reply.
+    """
 
     def __init__(self, bus: Bus, address: int) -> None:
         """Stand for the module at an address.
@@ -67,47 +70,28 @@ class PicServo:
             command: What to do.
             repeatable: Whether it may be sent again when its reply is lost; as the command itself
                 says if omitted.
-
-        Raises:
-            BusError: If there is no good reply.
         """
         return self.bus.exchange(self.address, command, self.items, repeatable=repeatable)
 
     def read(self, items: int) -> Status:
-        """Return chosen items, once, whatever the status mask is.
-
-        Raises:
-            BusError: If there is no good reply.
-        """
+        """Return chosen items, once, whatever the status mask is."""
         return self.bus.exchange(self.address, nmc.ReadStatus(items), items)
 
     def identify(self) -> DeviceId:
-        """Return type and version.
-
-        Raises:
-            BusError: If there is no good reply.
-        """
+        """Return type and version."""
         status = self.read(StatusItem.DEVICE)
         assert status.device_type is not None
         assert status.device_version is not None
         return DeviceId(status.device_type, status.device_version)
 
     def watch(self, items: int = WATCHED) -> Status:
-        """Choose what every reply carries from now on.
-
-        Raises:
-            BusError: If there is no good reply.
-        """
+        """Choose what every reply carries from now on."""
         status = self.bus.exchange(self.address, nmc.DefineStatus(items), items)
         self.items = items
         return status
 
     def poll(self) -> Status:
-        """Return the watched items.
-
-        Raises:
-            BusError: If there is no good reply.
-        """
+        """Return the watched items."""
         return self.ask(nmc.NoOperation())
 
     def set_output(self, mode: int) -> Status:
@@ -116,9 +100,6 @@ class PicServo:
         Args:
             mode: A combination of `OutputMode`. THREE_PHASE on a board with one PWM output, or the
                 reverse, can damage it.
-
-        Raises:
-            BusError: If there is no good reply.
         """
         return self.ask(nmc.IoControl(mode))
 
@@ -135,43 +116,23 @@ class PicServo:
         return status
 
     def hold(self) -> Status:
-        """Stop at once where it is, amplifier on, servo on.
-
-        Raises:
-            BusError: If there is no good reply.
-        """
+        """Stop at once where it is, amplifier on, servo on."""
         return self.ask(nmc.StopMotor(StopMode.AMPLIFIER | StopMode.ABRUPT))
 
     def stop_smoothly(self) -> Status:
-        """Decelerate, then hold; amplifier on.
-
-        Raises:
-            BusError: If there is no good reply.
-        """
+        """Decelerate, then hold; amplifier on."""
         return self.ask(nmc.StopMotor(StopMode.AMPLIFIER | StopMode.SMOOTH))
 
     def arm_amplifier(self) -> Status:
-        """Switch the amplifier on with the motor off.
-
-        Raises:
-            BusError: If there is no good reply.
-        """
+        """Switch the amplifier on with the motor off."""
         return self.ask(nmc.StopMotor(StopMode.AMPLIFIER | StopMode.MOTOR_OFF))
 
     def release(self) -> Status:
-        """Switch motor and amplifier off: a loaded joint falls.
-
-        Raises:
-            BusError: If there is no good reply.
-        """
+        """Switch motor and amplifier off: a loaded joint falls."""
         return self.ask(nmc.StopMotor(StopMode.MOTOR_OFF))
 
     def clear_faults(self) -> Status:
-        """Clear the status bits that stay.
-
-        Raises:
-            BusError: If there is no good reply.
-        """
+        """Clear the status bits that stay."""
         return self.ask(nmc.ClearBits())
 
     def move_to(
@@ -284,11 +245,7 @@ class PicServo:
         self.set_position(position + status.position - ZERO_MARK)
 
     def knows_its_zero(self) -> bool:
-        """Return whether the zero was set since the board was last powered up.
-
-        Raises:
-            BusError: If there is no good reply.
-        """
+        """Return whether the zero was set since the board was last powered up."""
         return is_marked(self.read(StatusItem.HOME | StatusItem.POSITION))
 
 
