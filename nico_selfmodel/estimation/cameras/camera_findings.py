@@ -104,8 +104,8 @@ def _rival_lens(assessment: CameraAssessment) -> list[Finding]:
     return findings(
         OPEN,
         [
-            f"{text}, which explains them as well: take that with --lens auto, or bring the board "
-            "nearer to the image's edges"
+            f"{text}, which explains them as well: bring the board nearer to the image's edges, or "
+            "let the boards choose with --lens auto"
         ],
     )
 

@@ -35,6 +35,7 @@ from nico_selfmodel.estimation.cameras.lenses.lens_evidence import (
     evidence_of,
     is_likelier,
     is_wrong,
+    leaves_doubt,
     misfits_of,
     needed_of,
 )
@@ -72,7 +73,7 @@ class LensChoice:
     better: str | None = None
     """The lens by which unseen boards are met better than by the one that was asked for."""
     rival: str | None = None
-    """The lens that `AUTO` takes in place of the one asked for, which boards do not refuse."""
+    """The lens that boards do not tell from the one asked for, which they do not refuse."""
     decentred: tuple[str, ...] = ()
     """Cameras whose boards ask for p1 and p2; those of all cameras were let move then."""
     left_out: NDArray | None = None
@@ -206,13 +207,20 @@ def _compared(views: BoardViews, options: CameraOptions) -> LensChoice:
 
 
 def _rival(asked: str, own: LensEvidence, others: dict[str, LensEvidence]) -> str | None:
-    """Return the lens that would be taken in place of the one asked for, if another."""
+    """Return the lens that would be taken in place of the one asked for, if another.
+
+    Or that may be: of rational lenses every fourth bends light within what boards reach as a
+    fisheye does, of fisheyes one in twenty as a rational lens; a fisheye has to be told from it.
+    """
     plain = others.get(POLYNOMIAL)
     if plain is not None and not asks_for_others(plain.calibration, plain.options):
         taken = POLYNOMIAL
     else:
         taken = _chosen({asked: own, **others}, {}).lens
-    return None if taken == asked else taken
+    if taken != asked:
+        return taken
+    fraction = others.get(RATIONAL)
+    return RATIONAL if asked == FISHEYE and fraction and leaves_doubt(own, fraction) else None
 
 
 def _trial(lens: str, found: LensEvidence, reason: str) -> LensTrial:
