@@ -22,9 +22,6 @@ _OF_CELLS = "; an empty cell means not measured"
 def read_csv_rows(path: Path) -> tuple[list[list[str]], list[int]]:
     """Read the cells of a comma separated file, without its blank lines.
 
-    Args:
-        path: The file.
-
     Returns:
         Rows of cells, and the line (from 1) that each row starts on.
 

@@ -17,9 +17,6 @@ SMALLEST, LARGEST = 1e-12, 1e12
 def read_yaml_mapping(path: Path) -> dict[str, Any]:
     """Read a YAML file whose top level is a mapping.
 
-    Args:
-        path: The file.
-
     Returns:
         The mapping.
 

@@ -92,10 +92,6 @@ def _cloud(seen: NDArray, unit: float) -> list[Item]:
 def carried_items(tree: BodyTree, motion: TreeMotion) -> list[tuple[int, Item]]:
     """Return what a body is drawn by, each with the link that carries it.
 
-    Args:
-        tree: The body.
-        motion: It at one pose.
-
     Returns:
         Links and items, in W.
     """
