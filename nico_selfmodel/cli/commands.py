@@ -140,9 +140,6 @@ ORDER = (
 def commands_named(words: Sequence[str]) -> tuple[Commands, dict[str, tuple[str, Commands]]]:
     """Return the commands, and the groups of them, that are asked for.
 
-    Args:
-        words: Of the command line.
-
     Returns:
         Commands, and group -> what it is for and its commands: what the first words name alone;
         groups without what is in them where only they are told; else all that there is.

@@ -35,10 +35,6 @@ def read_csv_rows(path: Path) -> tuple[list[list[str]], list[int]]:
 def rows_of_text(text: str, where: str) -> tuple[list[list[str]], list[int]]:
     """Read the cells of comma separated text, without its blank lines.
 
-    Args:
-        text: The text.
-        where: Place for messages.
-
     Returns:
         Rows of cells, and the line (from 1) that each row starts on.
 
@@ -86,9 +82,6 @@ def number_of_word(word: str, where: str) -> float:
 
 def parse_number(cell: str) -> float:
     """Return the finite number in a cell, nan for an empty one.
-
-    Args:
-        cell: Its text.
 
     Returns:
         The number.

@@ -33,11 +33,6 @@ def tree_scene(name: str, tree: BodyTree, data: BodyDataset) -> Scene:
     """Describe a body in the recorded pose nearest to the middle of all.
 
     Where the world is a camera the scene stands as that camera looks: its own up is up.
-
-    Args:
-        name: Of the body.
-        tree: The body.
-        data: What it was learned from.
     """
     motion = TreeMotion.at(tree, *_middle(data))
     unit = _size(tree, motion)
