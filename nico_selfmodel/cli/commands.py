@@ -1,6 +1,7 @@
 """What commands there are; modules of those that words do not name are not loaded."""
 
 from collections.abc import Callable, Sequence
+from types import ModuleType
 
 Commands = dict[str, Callable[..., None]]
 """Name -> what it does."""
@@ -8,6 +9,13 @@ Commands = dict[str, Callable[..., None]]
 
 _OF_ALL = ("--help", "--version")
 """What is asked of no command."""
+
+
+def _called(*modules: ModuleType) -> Commands:
+    """Return the command of each module, a function that is called as the module is."""
+    names = [module.__name__.rpartition(".")[2] for module in modules]
+    found = (getattr(module, name) for module, name in zip(modules, names, strict=True))
+    return {name.replace("_", "-"): command for name, command in zip(names, found, strict=True)}
 
 
 def _alone() -> Commands:
@@ -32,25 +40,10 @@ def _alone() -> Commands:
     from nico_selfmodel.cli.learn import learn
     from nico_selfmodel.cli.record import record
 
-    return {
-        "learn": learn.learn,
-        "record": record.record,
-        "evaluate": evaluate.evaluate,
-        "monitor": monitor.monitor,
-        "rezero": rezero.rezero,
-        "predict": predict.predict,
-        "gaze": gaze.gaze,
-        "choose-poses": choose_poses.choose_poses,
-        "convert": convert.convert,
-        "join": join.join,
-        "export-urdf": export_urdf.export_urdf,
-        "locate": locate.locate,
-        "look": look.look,
-        "view": view.view,
-        "live": live.live,
-        "detect": detect.detect,
-        "pick-color": pick_color.pick_color,
-    }
+    return _called(
+        *(learn, record, evaluate, monitor, rezero, predict, gaze, choose_poses, convert, join),
+        *(export_urdf, locate, look, view, live, detect, pick_color),
+    )
 
 
 def _simulate() -> Commands:
@@ -88,16 +81,7 @@ def _calibrate() -> Commands:
         tool,
     )
 
-    return {
-        "kinematics": kinematics.kinematics,
-        "cameras": cameras.cameras,
-        "stereo": stereo.stereo,
-        "camera": camera.camera,
-        "body": body.body,
-        "hand-eye": hand_eye.hand_eye,
-        "tool": tool.tool,
-        "mirror": mirror.mirror,
-    }
+    return _called(kinematics, cameras, stereo, camera, body, hand_eye, tool, mirror)
 
 
 def _experiment() -> Commands:
@@ -111,15 +95,7 @@ def _experiment() -> Commands:
         vision,
     )
 
-    return {
-        "stereo": stereo.stereo,
-        "motion-capture": motion_capture.motion_capture,
-        "vision": vision.vision,
-        "refinement": refinement.refinement,
-        "tool": tool.tool,
-        "mirror": mirror.mirror,
-        "mirror-test": mirror_test.mirror_test,
-    }
+    return _called(stereo, motion_capture, vision, refinement, tool, mirror, mirror_test)
 
 
 def _markers() -> Commands:
@@ -131,15 +107,7 @@ def _markers() -> Commands:
 def _servo() -> Commands:
     from nico_selfmodel.cli.servo import home, move, scan, serve, simulate, status, stop
 
-    return {
-        "scan": scan.scan,
-        "status": status.status,
-        "move": move.move,
-        "home": home.home,
-        "stop": stop.stop,
-        "serve": serve.serve,
-        "simulate": simulate.simulate,
-    }
+    return _called(scan, status, move, home, stop, serve, simulate)
 
 
 def _hand() -> Commands:
@@ -171,9 +139,6 @@ ORDER = (
 
 def commands_named(words: Sequence[str]) -> tuple[Commands, dict[str, tuple[str, Commands]]]:
     """Return the commands, and the groups of them, that are asked for.
-
-    Args:
-        words: Of the command line.
 
     Returns:
         Commands, and group -> what it is for and its commands: what the first words name alone;

@@ -133,13 +133,7 @@ def _tell(
 
 
 def remedy(parameters: Sequence[str], model: Path, dataset: Path) -> str:
-    """Return the command that learns anew what changed, and nothing else.
-
-    Args:
-        parameters: Names of what changed.
-        model: The body as it was.
-        dataset: What showed the change.
-    """
+    """Return the command that learns anew what changed, and nothing else."""
     owners = {name.rpartition(".")[0] for name in parameters}
     owner = owners.pop() if len(owners) == 1 else ""
     if list(parameters) == [f"{owner}.theta_offset"]:

@@ -106,9 +106,6 @@ class CsvTable:
     def cells(self, column: str) -> tuple[str, ...]:
         """Return the cells of a column as they stand in the file.
 
-        Args:
-            column: Its name.
-
         Returns:
             One text per row.
 
@@ -137,9 +134,6 @@ class CsvTable:
     def texts(self, column: str) -> npt.NDArray[np.str_]:
         """Return a column of text, stripped. Shape (N,).
 
-        Args:
-            column: Its name.
-
         Returns:
             The texts.
 
@@ -153,9 +147,6 @@ class CsvTable:
 
     def integers(self, column: str) -> npt.NDArray[np.int64]:
         """Return a column of whole numbers. Shape (N,).
-
-        Args:
-            column: Its name.
 
         Returns:
             The numbers.

@@ -89,9 +89,6 @@ def save_dataset(dataset: Dataset, folder: str | PathLike[str], force: bool = Fa
 def content_hash(dataset: Dataset) -> str:
     """Return the SHA-256 of the two files that `save_dataset` would write.
 
-    Args:
-        dataset: The data.
-
     Returns:
         64 hexadecimal digits.
     """

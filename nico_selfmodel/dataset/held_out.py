@@ -10,10 +10,6 @@ from nico_selfmodel.errors import DataError
 def held_out_of(train: Dataset, test: Dataset) -> Dataset:
     """Return what of a test set is held out: the poses that the training does not have.
 
-    Args:
-        train: What is learned from.
-        test: What is to judge.
-
     Returns:
         The rows of `test` whose readings are those of no training row.
 

@@ -35,9 +35,6 @@ _KEYS = (
 def read_metadata(path: Path) -> dict[str, Any]:
     """Read and check the metadata of a data set.
 
-    Args:
-        path: The file.
-
     Returns:
         The fields of a `Dataset` that are not columns, by name.
 
@@ -85,9 +82,6 @@ def _read_joint_list(content: dict[str, Any], where: str) -> tuple[JointInfo, ..
 
 def metadata_text(dataset: Dataset) -> str:
     """Return the metadata of a data set as YAML; floats read back exactly.
-
-    Args:
-        dataset: The data.
 
     Returns:
         Contents of `dataset.yaml`.

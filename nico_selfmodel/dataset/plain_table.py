@@ -21,9 +21,6 @@ _INTEGERS = re.compile(r"[+-]?[0-9]{1,18}(?:\n[+-]?[0-9]{1,18})*")
 def plain_columns(text: str) -> Sequence[Sequence[str]] | None:
     """Read text in which each line is a row of as many plain cells, at once.
 
-    Args:
-        text: The text.
-
     Returns:
         Cells of each column; None where a line may be something else, or the table too large.
     """
@@ -44,9 +41,6 @@ def plain_columns(text: str) -> Sequence[Sequence[str]] | None:
 def plain_numbers(cells: Sequence[str]) -> NDArray | None:
     """Return the numbers of a column at once, nan for an empty cell.
 
-    Args:
-        cells: Their texts.
-
     Returns:
         Shape (N,), what `parse_number` makes of each; None where one of them needs a second look.
     """
@@ -62,9 +56,6 @@ def plain_numbers(cells: Sequence[str]) -> NDArray | None:
 
 def plain_integers(cells: Sequence[str]) -> NDArray | None:
     """Return the whole numbers of a column at once; None where one of them needs a second look.
-
-    Args:
-        cells: Their texts.
 
     Returns:
         Shape (N,).

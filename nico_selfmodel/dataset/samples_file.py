@@ -72,9 +72,6 @@ def samples_text(dataset: Dataset) -> str:
 
     Columns in which no row has anything are left out.
 
-    Args:
-        dataset: The data.
-
     Returns:
         Contents of `samples.csv`.
     """

@@ -56,10 +56,6 @@ class ExperimentReport:
     def write(self, out: Path, *, force: bool = False) -> None:
         """Write `tables.md`, charts (PNG), `result.json` and any page, whole or not at all.
 
-        Args:
-            out: Folder to make.
-            force: Replace an earlier result.
-
         Raises:
             OSError: If the folder exists and `force` is not set, or cannot be written to.
         """

@@ -65,9 +65,6 @@ def mirror_body(
 def learned_body(body: SimulatedMirrors) -> SelfModel:
     """Let a body learn its cameras from boards and its arm from where they see its hand.
 
-    Args:
-        body: The simulated body.
-
     Returns:
         Arm and cameras in the left camera's frame, without mirrors.
     """

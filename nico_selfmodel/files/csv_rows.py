@@ -22,9 +22,6 @@ _OF_CELLS = "; an empty cell means not measured"
 def read_csv_rows(path: Path) -> tuple[list[list[str]], list[int]]:
     """Read the cells of a comma separated file, without its blank lines.
 
-    Args:
-        path: The file.
-
     Returns:
         Rows of cells, and the line (from 1) that each row starts on.
 
@@ -37,10 +34,6 @@ def read_csv_rows(path: Path) -> tuple[list[list[str]], list[int]]:
 
 def rows_of_text(text: str, where: str) -> tuple[list[list[str]], list[int]]:
     """Read the cells of comma separated text, without its blank lines.
-
-    Args:
-        text: The text.
-        where: Place for messages.
 
     Returns:
         Rows of cells, and the line (from 1) that each row starts on.
@@ -89,9 +82,6 @@ def number_of_word(word: str, where: str) -> float:
 
 def parse_number(cell: str) -> float:
     """Return the finite number in a cell, nan for an empty one.
-
-    Args:
-        cell: Its text.
 
     Returns:
         The number.

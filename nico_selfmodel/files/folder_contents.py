@@ -34,9 +34,6 @@ def found_at(path: Path) -> str:
 def warn_of_failure(model: Path) -> None:
     """Warn where a model lies in the folder of a result that failed its checks.
 
-    Args:
-        model: The file of the model.
-
     Warns:
         UserWarning: If it does.
     """

@@ -13,10 +13,6 @@ _LONGEST_INTEGER = 40
 def parse_json(text: str, where: str) -> Any:
     """Return what a JSON document says.
 
-    Args:
-        text: The document.
-        where: Place for messages.
-
     Returns:
         Plain Python values.
 

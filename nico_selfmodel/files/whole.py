@@ -131,9 +131,6 @@ def recover(path: str | Path) -> None:
     """Take away what a process that was killed left beside a file or folder it was writing.
 
     Where it was killed between the old folder and the new one, the old one comes back.
-
-    Args:
-        path: The file or folder.
     """
     path = Path(path)
     if not path.parent.is_dir():

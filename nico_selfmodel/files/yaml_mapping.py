@@ -17,9 +17,6 @@ SMALLEST, LARGEST = 1e-12, 1e12
 def read_yaml_mapping(path: Path) -> dict[str, Any]:
     """Read a YAML file whose top level is a mapping.
 
-    Args:
-        path: The file.
-
     Returns:
         The mapping.
 
@@ -35,11 +32,6 @@ def read_yaml_mapping(path: Path) -> dict[str, Any]:
 
 def check_keys(mapping: Mapping[str, Any], known: Iterable[str], where: str) -> None:
     """Refuse keys that nobody reads, so that a misspelt one is not ignored.
-
-    Args:
-        mapping: What was read.
-        known: The valid keys.
-        where: Place for the message.
 
     Raises:
         DataError: If a key is not known; names the closest valid one.
@@ -82,11 +74,6 @@ def number_value(mapping: Mapping[str, Any], key: str, where: str) -> float | No
 
     Text that is a number counts as one.
 
-    Args:
-        mapping: What was read.
-        key: Its key.
-        where: Place for the message.
-
     Returns:
         The number, or None.
 
@@ -112,11 +99,6 @@ def number_value(mapping: Mapping[str, Any], key: str, where: str) -> float | No
 
 def integer_value(mapping: Mapping[str, Any], key: str, where: str) -> int | None:
     """Return a whole number, or None for an absent key.
-
-    Args:
-        mapping: What was read.
-        key: Its key.
-        where: Place for the message.
 
     Returns:
         The number, or None.

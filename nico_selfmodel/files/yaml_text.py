@@ -89,10 +89,6 @@ for _both in (_Loader, _Dumper):
 def parse_yaml(text: str, where: str) -> Any:
     """Return what a YAML document says.
 
-    Args:
-        text: The document.
-        where: Place for messages.
-
     Returns:
         Plain Python values.
 

@@ -111,10 +111,6 @@ def _save_with_robot(
 def replace_document(folder: Path, document: Mapping[str, Any]) -> None:
     """Write `result.json` of a result folder anew, with what else became known.
 
-    Args:
-        folder: The folder.
-        document: Content of the file.
-
     Raises:
         OSError: If it cannot be written.
     """

@@ -120,9 +120,6 @@ def looking_body(*joints: str) -> BodyDescription:
 def arms_among(joints: Sequence[str]) -> tuple[str, ...]:
     """Return the arms among a body's joints, which are those of its head and of whole arms.
 
-    Args:
-        joints: Names.
-
     Raises:
         ValueError: If a whole Nico does not command one, or some are missing or in another order.
     """

@@ -56,11 +56,6 @@ class ArmTask:
     ) -> tuple[str, dict[str, Any]]:
         """Learn an arm and write its result folder.
 
-        Args:
-            dataset: Folder of the data set.
-            output: The folder to make.
-            progress: Told how far it is.
-
         Returns:
             Name of the self-model, and what is in its `result.json`.
         """

@@ -66,12 +66,6 @@ def write_scenario(
 ) -> dict[str, Any]:
     """Write the refined body, or the arm as it was before where the refinement was refused.
 
-    Args:
-        scenario: What was learned.
-        marker: What was tracked.
-        output: The folder to make.
-        progress: Told how far it is.
-
     Returns:
         What is in its `result.json`.
     """

@@ -106,11 +106,6 @@ def save_body_dataset(
 ) -> None:
     """Write a recording to a folder, whole or not at all.
 
-    Args:
-        data: The recording.
-        folder: The folder to make.
-        force: Replace what is there.
-
     Raises:
         DataError: If the folder exists (without `force`) or cannot be written, or the recording
             could not be loaded again, for what `load_body_dataset` refuses.

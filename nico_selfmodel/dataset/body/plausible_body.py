@@ -22,9 +22,6 @@ _LENGTHS = "Lengths are"
 def check_plausible_body(data: BodyDataset) -> None:
     """Refuse a recording that cannot be what it says; warn of what it hardly is.
 
-    Args:
-        data: The recording.
-
     Raises:
         DataError: If places spread over more than 100 m, distances or markers of known place over
             more than 20 m, a rotation vector turns by more than a whole turn, some samples are in

@@ -141,13 +141,7 @@ class TouchJudge:
 def run_touches(
     robots: Sequence[Knowing], marks: MarkStage, progress: Stage | None = None
 ) -> TouchStage:
-    """Let robots touch marks that they have found, and places drawn anywhere.
-
-    Args:
-        robots: Who know themselves.
-        marks: What they found.
-        progress: Told how far it is.
-    """
+    """Let robots touch marks that they have found, and places drawn anywhere."""
     touched: list[TouchTrial] = []
     plans: list[TouchTrial] = []
     drawn = 0

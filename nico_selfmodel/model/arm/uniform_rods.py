@@ -32,9 +32,6 @@ _BESIDE = 0.2
 def uniform_rods(table: DhTable) -> tuple[NDArray, NDArray]:
     """Return the loads and pivots of a `Bending`.
 
-    Args:
-        table: The arm.
-
     Returns:
         First moments in the frame after each row, shape (n, 3), and the places of the feet along
         their axes, shape (n,) [m].
@@ -46,9 +43,6 @@ def uniform_rods(table: DhTable) -> tuple[NDArray, NDArray]:
 
 def load_sigmas(table: DhTable) -> NDArray:
     """Return how far loads may be from those of uniform rods, as standard deviations.
-
-    Args:
-        table: The arm.
 
     Returns:
         In the frame after each row [m of the arm's weight]. Shape (n, 3).

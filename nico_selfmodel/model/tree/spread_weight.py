@@ -17,9 +17,6 @@ from nico_selfmodel.model.tree.tree_motion import TreeMotion
 def tree_rods(still: TreeMotion) -> tuple[NDArray, NDArray]:
     """Return the loads and pivots of a `Bending` for a body of uniform rods.
 
-    Args:
-        still: The body at one pose.
-
     Returns:
         First moments on each link, shape (n, 3), and the places of the feet along their axes [m],
         shape (n,).

@@ -64,12 +64,7 @@ class RegisterMotor(ABC):
     """Register of the position, and how many bytes it has."""
 
     def __init__(self, joint: JointServo, bus: RegisterBus) -> None:
-        """Stand for a servo.
-
-        Args:
-            joint: Its configuration.
-            bus: Its bus.
-        """
+        """Stand for a servo."""
         self.joint, self.bus, self.address = joint, bus, joint.address
         self.told: Goal | None = None
         """What it is to hold, None where it is switched off."""

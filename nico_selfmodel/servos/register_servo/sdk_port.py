@@ -15,12 +15,7 @@ class SdkPort:
     """
 
     def __init__(self, port: Port, settings: BusSettings) -> None:
-        """Take a port.
-
-        Args:
-            port: Open.
-            settings: How patient to be.
-        """
+        """Take a port."""
         self.port, self.settings = port, settings
         self.attempt = 0
         """How often the exchange under way has failed: each time it may take longer."""

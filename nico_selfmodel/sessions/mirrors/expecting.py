@@ -94,9 +94,6 @@ class MirrorLook:
         """Return which share of some links does not look as expected; 1 where none is in view.
 
         Where all sigmas are right it is one place in a thousand, and edges err together.
-
-        Args:
-            numbers: Of the links.
         """
         chi_square = self.surprise.chi_square
         own = np.isfinite(chi_square) & np.isin(self.labels, [*numbers])

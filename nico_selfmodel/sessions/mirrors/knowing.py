@@ -158,13 +158,7 @@ def trusting(known: Knowing) -> Knowing:
 
 
 def know_itself(robot: Acquainted, plate: MirrorPlate, stage: Stage) -> Knowing:
-    """Let a robot that has seen its hand in both mirrors look at its unmarked body.
-
-    Args:
-        robot: Whose model knows the mirrors.
-        plate: Their glass.
-        stage: Told how far it is.
-    """
+    """Let a robot that has seen its hand in both mirrors look at its unmarked body."""
     nico = rendered(robot, ImageQuality())
     before = NicoBeforeMirrors(nico, PLACES, plate=plate)
     rng = np.random.default_rng((robot.seed, 45))

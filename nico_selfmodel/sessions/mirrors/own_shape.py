@@ -42,10 +42,6 @@ Surfaces = Mapping[str, tuple[LinkSurface, NDArray]]
 def learn_structure(known: Knowing, stage: Stage) -> tuple[LearnedShape, Surfaces]:
     """Let a robot look at itself in many mirrors, and learn the shape of head and chest.
 
-    Args:
-        known: The robot.
-        stage: Told how far it is.
-
     Returns:
         What it learned, and the truth of the links that stood still.
 

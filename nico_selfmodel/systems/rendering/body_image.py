@@ -203,9 +203,6 @@ class BodyImage(Closable, LeafSystem):
     def standing(self, joints: Sequence[str]) -> tuple[StandingJoint, ...]:
         """Return where joints that nobody commands stand, as they were told to last.
 
-        Args:
-            joints: Their names.
-
         Raises:
             RobotError: If it was closed.
         """

@@ -1,5 +1,6 @@
 """Encoder readings and angles of joints as systems: the servo map both ways, and under load."""
 
+from collections.abc import Callable
 from typing import Any
 
 from numpy.typing import NDArray
@@ -9,117 +10,92 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from nico_selfmodel.model.arm.servo_map import ServoMap
-from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.systems.scalars import of_scalars, quiet
 
 
-def _joint_map(T: Any) -> Any:
-    """Return what all maps of the joints' numbers are, for one kind of scalars."""
+def _joint_map(
+    name: str, ports: tuple[str, str], mapped: Callable[[Any, NDArray], NDArray], about: str
+) -> Any:
+    """Return the template of a system with one number a joint in, and one a joint out.
 
-    class JointMap(LeafSystem_[T]):
-        """One number a joint in, one a joint out, by `_mapped` of a subclass."""
+    Args:
+        name: Of the system.
+        ports: In and out.
+        mapped: Returns what goes out, of what is known of the joints and what comes in.
+        about: What the system is.
+    """
 
-        def _declare(self, known: Any, ports: tuple[str, str], converter: Any) -> None:
-            """Declare both ports for what is known of joints: a servo map or a self-model."""
-            LeafSystem_[T].__init__(self, converter)
-            self.known = known
-            n = len(known.joints)
-            self._given = self.DeclareVectorInputPort(ports[0], n)
-            needs = {self._given.ticket()}
-            self.DeclareVectorOutputPort(ports[1], BasicVector_[T](n), self._map, needs)
+    @TemplateSystem.define(f"{name}_")
+    def template(T: Any) -> Any:
+        class JointMap(LeafSystem_[T]):
+            def _construct(self, known: Any, *, converter: Any = None) -> None:
+                """Take a servo map, or a self-model where the arm's load counts."""
+                LeafSystem_[T].__init__(self, converter)
+                self.known = known
+                n = len(known.joints)
+                self._given = self.DeclareVectorInputPort(ports[0], n)
+                needs = {self._given.ticket()}
+                self.DeclareVectorOutputPort(ports[1], BasicVector_[T](n), self._map, needs)
 
-        @quiet
-        def _map(self, context: Any, vector: Any) -> None:
-            vector.SetFromVector(of_scalars(T, self._mapped(self._given.Eval(context))))
+            def _construct_copy(self, other: Any, converter: Any = None) -> None:
+                self._construct(other.known, converter=converter)
 
-        def _mapped(self, given: NDArray) -> NDArray:
-            raise NotImplementedError
+            @quiet
+            def _map(self, context: Any, vector: Any) -> None:
+                found = mapped(self.known, self._given.Eval(context))
+                vector.SetFromVector(of_scalars(T, found))
 
-    return JointMap
+        JointMap.__name__ = JointMap.__qualname__ = name
+        JointMap.__doc__ = about
+        return JointMap
 
-
-@TemplateSystem.define("EncodersToAngles_")
-def EncodersToAngles_(T: Any) -> Any:
-    """Return `EncodersToAngles` for floats, `AutoDiffXd` or `Expression`."""
-
-    class EncodersToAngles(_joint_map(T)):
-        """Angles of the joints at encoder readings, q = (sign * radians - offset) / gear.
-
-        | port | | carries |
-        |---|---|---|
-        | `encoders` | in | encoder readings, in the encoders' units |
-        | `q_measured` | out | angles of the joints [rad] |
-        """
-
-        def _construct(self, servos: ServoMap, *, converter: Any = None) -> None:
-            """Take the servo map of a self-model, `model.servos`."""
-            self._declare(servos, ("encoders", "q_measured"), converter)
-
-        def _construct_copy(self, other: Any, converter: Any = None) -> None:
-            self._construct(other.known, converter=converter)
-
-        def _mapped(self, given: NDArray) -> NDArray:
-            return self.known.to_joint(given)
-
-    return EncodersToAngles
+    return template
 
 
-@TemplateSystem.define("AnglesToEncoders_")
-def AnglesToEncoders_(T: Any) -> Any:
-    """Return `AnglesToEncoders` for floats, `AutoDiffXd` or `Expression`."""
+EncodersToAngles_ = _joint_map(
+    "EncodersToAngles",
+    ("encoders", "q_measured"),
+    lambda servos, readings: servos.to_joint(readings),
+    """Angles of the joints at encoder readings, q = (sign * radians - offset) / gear.
 
-    class AnglesToEncoders(_joint_map(T)):
-        """What encoders will read where joints shall go: commands for any station or driver.
+    Of the servo map of a self-model, `model.servos`.
 
-        | port | | carries |
-        |---|---|---|
-        | `q_commanded` | in | where the joints shall go [rad]; nan is passed on |
-        | `encoders_commanded` | out | the same, in the encoders' units |
-        """
+    | port | | carries |
+    |---|---|---|
+    | `encoders` | in | encoder readings, in the encoders' units |
+    | `q_measured` | out | angles of the joints [rad] |
+    """,
+)
+AnglesToEncoders_ = _joint_map(
+    "AnglesToEncoders",
+    ("q_commanded", "encoders_commanded"),
+    lambda servos, angles: servos.to_encoder(angles),
+    """What encoders will read where joints shall go: commands for any station or driver.
 
-        def _construct(self, servos: ServoMap, *, converter: Any = None) -> None:
-            """Take the servo map of a self-model, `model.servos`."""
-            self._declare(servos, ("q_commanded", "encoders_commanded"), converter)
+    Of the servo map of a self-model, `model.servos`.
 
-        def _construct_copy(self, other: Any, converter: Any = None) -> None:
-            self._construct(other.known, converter=converter)
+    | port | | carries |
+    |---|---|---|
+    | `q_commanded` | in | where the joints shall go [rad]; nan is passed on |
+    | `encoders_commanded` | out | the same, in the encoders' units |
+    """,
+)
+LoadedAngles_ = _joint_map(
+    "LoadedAngles",
+    ("encoders", "q_loaded"),
+    lambda model, readings: model.posture(model.servos.to_joint(readings)).q,
+    """Angles to which the joints turn, sag, ripple and coupling included; quasi-static.
 
-        def _mapped(self, given: NDArray) -> NDArray:
-            return self.known.to_encoder(given)
+    Of a self-model: what a plant's positions are at encoder readings; one that does not bend gives
+    its servo map's angles. Bearings that give way move the joints' frames besides: those are
+    written by `SelfModelPlant.set_positions`.
 
-    return AnglesToEncoders
-
-
-@TemplateSystem.define("LoadedAngles_")
-def LoadedAngles_(T: Any) -> Any:
-    """Return `LoadedAngles` for floats, `AutoDiffXd` or `Expression`."""
-
-    class LoadedAngles(_joint_map(T)):
-        """Angles to which the joints turn, sag, ripple and coupling included; quasi-static.
-
-        What a plant's positions are at encoder readings. Bearings that give way move the joints'
-        frames besides: those are written by `SelfModelPlant.set_positions`.
-
-        | port | | carries |
-        |---|---|---|
-        | `encoders` | in | encoder readings, in the encoders' units |
-        | `q_loaded` | out | angles of the joints [rad] |
-        """
-
-        def _construct(self, model: SelfModel, *, converter: Any = None) -> None:
-            """Take a self-model; one that does not bend gives its servo map's angles."""
-            self._declare(model, ("encoders", "q_loaded"), converter)
-
-        def _construct_copy(self, other: Any, converter: Any = None) -> None:
-            self._construct(other.known, converter=converter)
-
-        def _mapped(self, given: NDArray) -> NDArray:
-            return self.known.posture(self.known.servos.to_joint(given)).q
-
-    return LoadedAngles
-
-
+    | port | | carries |
+    |---|---|---|
+    | `encoders` | in | encoder readings, in the encoders' units |
+    | `q_loaded` | out | angles of the joints [rad] |
+    """,
+)
 EncodersToAngles: Any = EncodersToAngles_[None]
 """The system of floats."""
 AnglesToEncoders: Any = AnglesToEncoders_[None]

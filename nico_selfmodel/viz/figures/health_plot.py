@@ -13,9 +13,6 @@ from nico_selfmodel.viz.figures.plot_style import HALF_WIDTH, headline, log_tick
 def health_plot(report: HealthReport) -> Figure:
     """Draw what each pose was off by, and the statistic that raises the alarm.
 
-    Args:
-        report: Poses held against a body.
-
     Returns:
         Two panels over the poses: innovations squared over what is to be expected of them, and the
         statistic of Shiryaev and Roberts with its threshold.

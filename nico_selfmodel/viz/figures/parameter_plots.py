@@ -119,11 +119,7 @@ def unobservable_parameters(uncertainty: Uncertainty | None) -> frozenset[str]:
 
 
 def correlations(uncertainty: Uncertainty) -> Figure | None:
-    """Draw the correlations of free parameters, the strongest ones; None where there are not two.
-
-    Args:
-        uncertainty: Of the parameters.
-    """
+    """Draw the strongest correlations of free parameters; None where there are not two."""
     if len(uncertainty.names) < 2:
         return None
     shown = _most_correlated(uncertainty.correlation)

@@ -182,12 +182,7 @@ class WholeBodyView(HandView):
 
 
 def rig_of(tree: BodyTree, motion: TreeMotion) -> StereoRig:
-    """Return both cameras of a body where a pose has them, in W.
-
-    Args:
-        tree: The body.
-        motion: It at one pose.
-    """
+    """Return both cameras of a body where a pose has them, in W."""
     cameras = []
     for sensor in tree.sensors:
         if sensor.name in tree.lenses:

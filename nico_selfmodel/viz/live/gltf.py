@@ -70,12 +70,7 @@ def gltf_text(
 
 
 def data_uri(kind: str, content: bytes) -> str:
-    """Return a file as an address that holds it.
-
-    Args:
-        kind: Its MIME type.
-        content: The file.
-    """
+    """Return a file as an address that holds it."""
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 

@@ -80,11 +80,7 @@ class LivePage(ClosedAtEnd):
     """
 
     def __init__(self, meshcat: Meshcat) -> None:
-        """Begin to serve; `close` ends it.
-
-        Args:
-            meshcat: The server that draws.
-        """
+        """Begin to serve; `close` ends it."""
         self._server = ThreadingHTTPServer(("127.0.0.1", 0), _handler(meshcat.web_url()))
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
         self._thread.start()

@@ -13,6 +13,10 @@ IMAGE_KINDS = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 """First bytes of a file -> its MIME type."""
 _SIZES = ("radius", "length", "width", "height")
 """Fields of any item that are positive lengths [m]."""
+_THREE_SIZES = ("sides", "radii")
+"""Those that are three of them."""
+_LISTS = ("centers", "starts", "points", "vertices")
+"""Those that are points, each with an end or a colour where an item has these."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -36,29 +40,33 @@ class Item:
             raise ValueError(f"color must be four numbers from 0 to 1, got {self.color}")
         object.__setattr__(self, "color", color)
         self._freeze("X_WI", (4, 4))
-        self._check_positive(*(name for name in _SIZES if hasattr(self, name)))
+        for name in filter(self._has, _SIZES):
+            value = as_floats(getattr(self, name), name)
+            if value.shape != () or not (np.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} must be positive, got {value}")
+            object.__setattr__(self, name, float(value))
+        for name in filter(self._has, _THREE_SIZES):
+            self._freeze(name, (3,))
+            if np.any(getattr(self, name) <= 0.0):
+                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+        for name in filter(self._has, _LISTS):
+            count = self._freeze_list(name)
+            for other in filter(self._has, ("ends", "colors")):
+                self._freeze(other, (count, 3))
+
+    def _has(self, name: str) -> bool:
+        return getattr(self, name, None) is not None
 
     def _freeze(self, name: str, shape: tuple[int, ...]) -> None:
         object.__setattr__(self, name, frozen_array(getattr(self, name), shape, name))
 
     def _freeze_list(self, name: str) -> int:
-        """Freeze a list of points or colours of any length, and return its length."""
+        """Freeze a list of points of any length, and return its length."""
         value = as_floats(getattr(self, name), name)
         if value.ndim != 2 or value.shape[1] != 3 or not len(value):
             raise ValueError(f"{name} must have shape (n >= 1, 3), got {value.shape}")
         self._freeze(name, value.shape)
         return len(value)
-
-    def _freeze_colors(self, count: int) -> None:
-        if getattr(self, "colors", None) is not None:
-            self._freeze("colors", (count, 3))
-
-    def _check_positive(self, *names: str) -> None:
-        for name in names:
-            value = as_floats(getattr(self, name), name)
-            if value.shape != () or not (np.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} must be positive, got {value}")
-            object.__setattr__(self, name, float(value))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -77,7 +85,6 @@ class Markers(Item):
     def __post_init__(self) -> None:
         """Check and freeze."""
         super().__post_init__()
-        self._freeze_colors(self._freeze_list("centers"))
         if self.shape not in MARKER_SHAPES:
             raise ValueError(f"shape must be one of {', '.join(MARKER_SHAPES)}, got {self.shape!r}")
 
@@ -95,12 +102,6 @@ class Needles(Item):
     colors: NDArray | None = None
     """Red, green, blue of each, in place of that of `color`. Shape (n, 3)."""
 
-    def __post_init__(self) -> None:
-        """Check and freeze."""
-        super().__post_init__()
-        self._freeze("ends", (self._freeze_list("starts"), 3))
-        self._freeze_colors(len(self.starts))
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Segments(Item):
@@ -110,11 +111,6 @@ class Segments(Item):
     """In I [m]. Shape (n, 3)."""
     ends: NDArray
     """In I [m]. Shape (n, 3)."""
-
-    def __post_init__(self) -> None:
-        """Check and freeze."""
-        super().__post_init__()
-        self._freeze("ends", (self._freeze_list("starts"), 3))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -131,7 +127,7 @@ class Tube(Item):
     def __post_init__(self) -> None:
         """Check and freeze."""
         super().__post_init__()
-        if self._freeze_list("points") < 2:
+        if len(self.points) < 2:
             raise ValueError("a tube needs at least two points")
 
 
@@ -141,13 +137,6 @@ class Box(Item):
 
     sides: NDArray
     """Lengths along x, y, z [m]. Shape (3,)."""
-
-    def __post_init__(self) -> None:
-        """Check and freeze."""
-        super().__post_init__()
-        self._freeze("sides", (3,))
-        if np.any(self.sides <= 0.0):
-            raise ValueError(f"sides must be positive, got {self.sides}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -177,13 +166,6 @@ class Ellipsoid(Item):
     radii: NDArray
     """Half axes [m]. Shape (3,)."""
 
-    def __post_init__(self) -> None:
-        """Check and freeze."""
-        super().__post_init__()
-        self._freeze("radii", (3,))
-        if np.any(self.radii <= 0.0):
-            raise ValueError(f"radii must be positive, got {self.radii}")
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Triad(Item):
@@ -209,8 +191,7 @@ class Surface(Item):
     def __post_init__(self) -> None:
         """Check and freeze."""
         super().__post_init__()
-        count = self._freeze_list("vertices")
-        self._freeze_colors(count)
+        count = len(self.vertices)
         faces = np.array(self.faces, dtype=np.int32)
         if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces):
             raise ValueError(f"faces must have shape (f >= 1, 3), got {faces.shape}")

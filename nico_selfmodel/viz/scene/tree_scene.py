@@ -33,11 +33,6 @@ def tree_scene(name: str, tree: BodyTree, data: BodyDataset) -> Scene:
     """Describe a body in the recorded pose nearest to the middle of all.
 
     Where the world is a camera the scene stands as that camera looks: its own up is up.
-
-    Args:
-        name: Of the body.
-        tree: The body.
-        data: What it was learned from.
     """
     motion = TreeMotion.at(tree, *_middle(data))
     unit = _size(tree, motion)
@@ -91,10 +86,6 @@ def _cloud(seen: NDArray, unit: float) -> list[Item]:
 
 def carried_items(tree: BodyTree, motion: TreeMotion) -> list[tuple[int, Item]]:
     """Return what a body is drawn by, each with the link that carries it.
-
-    Args:
-        tree: The body.
-        motion: It at one pose.
 
     Returns:
         Links and items, in W.

@@ -1,31 +1,38 @@
 """The sixteen commands of the protocol as typed values, their data as the chip reads it."""
 
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntFlag
-from typing import ClassVar, Protocol, Self
+from typing import ClassVar, Self
 
 from nico_selfmodel.servos.pic_servo.protocol.gains import Gains
 
 
-class Command(Protocol):
-    """What every command has."""
+@dataclass(frozen=True)
+class Command:
+    """What every command has. Its data bytes are its fields, in order; those that are None lack."""
 
     code: ClassVar[int]
     lengths: ClassVar[tuple[int, ...]]
     """Numbers of data bytes that the chip understands."""
 
-    repeatable: ClassVar[bool]
+    repeatable: ClassVar[bool] = True
     """Whether sending it twice does what sending it once does."""
+    layout: ClassVar[str] = ""
+    """How `struct` packs each field (least significant byte first)."""
 
     def payload(self) -> bytes:
         """Return its data bytes."""
-        ...
+        values = [getattr(self, field.name) for field in fields(self)]
+        given = [value for value in values if value is not None]
+        return struct.pack(f"<{self.layout[: len(given)]}", *given)
 
     @classmethod
     def from_payload(cls, data: bytes) -> Self:
         """Return the command of data bytes whose number is one of `lengths`."""
-        ...
+        layouts = (f"<{cls.layout[:count]}" for count in range(len(cls.layout) + 1))
+        layout = next(one for one in layouts if struct.calcsize(one) == len(data))
+        return cls(*struct.unpack(layout, data))
 
 
 class ResetMode(IntFlag):
@@ -36,7 +43,7 @@ class ResetMode(IntFlag):
 
 
 @dataclass(frozen=True)
-class ResetPosition:
+class ResetPosition(Command):
     """Make the position zero, count it from home, or make it a given number.
 
     The commanded position follows, so that the motor does not jump. Not during a move.
@@ -45,26 +52,19 @@ class ResetPosition:
     code: ClassVar[int] = 0x0
     lengths: ClassVar[tuple[int, ...]] = (0, 1, 5)
     repeatable: ClassVar[bool] = False  # what the axis moved in between would be lost
+    layout: ClassVar[str] = "Bi"
     mode: int = 0
     """A `ResetMode`, or 0 for zero here."""
     position: int | None = None
     """Counts, with SET_POSITION (version 10 and later)."""
 
     def payload(self) -> bytes:
-        """Return its data bytes."""
-        if self.position is not None:
-            return struct.pack("<Bi", self.mode, self.position)
-        return bytes([self.mode]) if self.mode else b""
-
-    @classmethod
-    def from_payload(cls, data: bytes) -> Self:
-        """Return the command of 0, 1 or 5 data bytes."""
-        position = struct.unpack_from("<i", data, 1)[0] if len(data) == 5 else None
-        return cls(data[0] if data else 0, position)
+        """Return its data bytes; none for zero here."""
+        return super().payload() if self.mode or self.position is not None else b""
 
 
 @dataclass(frozen=True)
-class SetAddress:
+class SetAddress(Command):
     """Give a module its address and its group.
 
     The first one after a reset also wakes the next module of the chain at address 0, so that
@@ -92,19 +92,10 @@ class SetAddress:
 
 
 @dataclass(frozen=True)
-class _OneByte:
+class _OneByte(Command):
     lengths: ClassVar[tuple[int, ...]] = (1,)
-    repeatable: ClassVar[bool] = True
+    layout: ClassVar[str] = "B"
     mode: int
-
-    def payload(self) -> bytes:
-        """Return its data byte."""
-        return bytes([self.mode])
-
-    @classmethod
-    def from_payload(cls, data: bytes) -> Self:
-        """Return the command of one data byte."""
-        return cls(data[0])
 
 
 @dataclass(frozen=True)
@@ -123,18 +114,8 @@ class ReadStatus(DefineStatus):
 
 
 @dataclass(frozen=True)
-class _WithoutData:
+class _WithoutData(Command):
     lengths: ClassVar[tuple[int, ...]] = (0,)
-    repeatable: ClassVar[bool] = True
-
-    def payload(self) -> bytes:
-        """Return no bytes."""
-        return b""
-
-    @classmethod
-    def from_payload(cls, data: bytes) -> Self:
-        """Return the command."""
-        return cls()
 
 
 @dataclass(frozen=True)
@@ -145,12 +126,11 @@ class StartMotion(_WithoutData):
 
 
 @dataclass(frozen=True)
-class SetGain:
+class SetGain(Command):
     """Set the numbers of the position loop; before the servo is switched on."""
 
     code: ClassVar[int] = 0x6
     lengths: ClassVar[tuple[int, ...]] = (14, 15)
-    repeatable: ClassVar[bool] = True
     gains: Gains
 
     def payload(self) -> bytes:
@@ -177,27 +157,16 @@ class StopMode(IntFlag):
 
 
 @dataclass(frozen=True)
-class StopMotor:
+class StopMotor(Command):
     """Stop the motor in one of several ways and switch the amplifier."""
 
     code: ClassVar[int] = 0x7
     lengths: ClassVar[tuple[int, ...]] = (1, 5)
-    repeatable: ClassVar[bool] = True
+    layout: ClassVar[str] = "Bi"
     mode: int
     """A combination of `StopMode`."""
     position: int | None = None
     """Counts, with HERE."""
-
-    def payload(self) -> bytes:
-        """Return its data bytes."""
-        if self.position is None:
-            return bytes([self.mode])
-        return struct.pack("<Bi", self.mode, self.position)
-
-    @classmethod
-    def from_payload(cls, data: bytes) -> Self:
-        """Return the command of 1 or 5 data bytes."""
-        return cls(data[0], struct.unpack_from("<i", data, 1)[0] if len(data) == 5 else None)
 
 
 class OutputMode(IntFlag):
@@ -271,7 +240,7 @@ class SaveHome(_WithoutData):
 
 
 @dataclass(frozen=True)
-class PathPoints:
+class PathPoints(Command):
     """Append points to the path buffer, or start path mode with none."""
 
     code: ClassVar[int] = 0xD
@@ -298,7 +267,7 @@ class NoOperation(_WithoutData):
 
 
 @dataclass(frozen=True)
-class HardReset:
+class HardReset(Command):
     """Return to the state after power-up: torque off, positions zero, no addresses.
 
     A data byte writes the configuration memory, which this driver never does.
@@ -307,13 +276,5 @@ class HardReset:
     code: ClassVar[int] = 0xF
     lengths: ClassVar[tuple[int, ...]] = (0, 1)
     repeatable: ClassVar[bool] = False
+    layout: ClassVar[str] = "B"
     options: int | None = None
-
-    def payload(self) -> bytes:
-        """Return its data bytes."""
-        return b"" if self.options is None else bytes([self.options])
-
-    @classmethod
-    def from_payload(cls, data: bytes) -> Self:
-        """Return the command of 0 or 1 data bytes."""
-        return cls(data[0] if data else None)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from enum import IntFlag
 from typing import ClassVar, Self
 
+from nico_selfmodel.servos.pic_servo.protocol.commands import Command
 from nico_selfmodel.servos.pic_servo.protocol.packets import DamagedPacketError
 from nico_selfmodel.servos.profile import UNITS_PER_COUNT
 
@@ -39,12 +40,12 @@ _FIELDS = (
 
 
 @dataclass(frozen=True)
-class LoadTrajectory:
+class LoadTrajectory(Command):
     """A motion: to a position, at a velocity, or at a PWM."""
 
     code: ClassVar[int] = 0x4
     lengths: ClassVar[tuple[int, ...]] = tuple(range(1, 15))
-    repeatable: ClassVar[bool] = True  # unless it is relative: see `may_repeat`
+    # repeatable unless it is relative: see `may_repeat`
     flags: int = TrajectoryFlag.SERVO | TrajectoryFlag.START_NOW
     """SERVO, VELOCITY_MODE, REVERSE and START_NOW; the others follow from what is given."""
     position: int | None = None

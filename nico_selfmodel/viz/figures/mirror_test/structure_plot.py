@@ -35,10 +35,6 @@ class ShownLink:
 def structure_plot(links: Sequence[ShownLink], title: str) -> Figure:
     """Draw learned surfaces from the front, and cut from top to bottom through their middle.
 
-    Args:
-        links: Of one robot.
-        title: What the figure shows.
-
     Returns:
         Panels of errors and sigmas, and one of the cut with the true surface.
     """
