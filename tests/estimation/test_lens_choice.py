@@ -12,7 +12,7 @@ from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_initialization import rational_like
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
-from nico_selfmodel.estimation.cameras.lenses import lens_evidence
+from nico_selfmodel.estimation.cameras.lenses import lens_choice, lens_evidence
 from nico_selfmodel.estimation.cameras.lenses.lens_choice import lens_of
 from nico_selfmodel.estimation.cameras.lenses.lens_misfit import lens_misfits
 from nico_selfmodel.estimation.judging import judge
@@ -340,7 +340,7 @@ def test_a_lens_leaves_doubt_where_another_explains_boards_nearly_as_well(
     other = left_by_a_lens(
         0.01 * np.sqrt(np.full(20, 1.0 + by_corners / 600)), np.full(20, 0.01 * np.exp(gain))
     )
-    assert lens_evidence.leaves_doubt(own, replace(other, flawed=flawed)) == doubt
+    assert lens_evidence.leaves_doubt(own, replace(other, flawed=flawed), 3.0) == doubt
 
 
 @pytest.mark.slow
@@ -348,6 +348,29 @@ def test_a_fisheye_asked_for_is_left_open_where_a_rational_lens_may_be_right():
     """Of rational lenses 7119 is one that bends light as a fisheye does as far as boards reach."""
     choice, verdict = verdict_on("rational", 7119, "fisheye")
     assert (choice.better, choice.rival, verdict.status) == (None, "rational", "NOT_EVALUATED")
+
+
+@pytest.mark.parametrize(
+    ("asked", "by_corners", "left_open"),
+    [
+        ("fisheye", 2.9, "rational"),
+        ("fisheye", 3.1, None),
+        ("rational", -3.1, "fisheye"),
+        ("rational", -2.9, None),
+    ],
+)
+def test_which_lens_may_be_right_in_place_of_the_one_asked_for(asked, by_corners, left_open):
+    """The fisheye ends in front of the camera: where corners tell that little it is not taken."""
+    own = left_by_a_lens(np.full(20, 0.01), np.full(20, 0.01))
+    like = {"fisheye": "rational", "rational": "fisheye"}[asked]
+    rms = 0.01 * np.sqrt(np.full(20, 1.0 + by_corners / 600))
+    other = left_by_a_lens(rms, np.full(20, 0.01))
+    reach = {"fisheye": 1.56 if asked == "rational" else 1.58, "rational": np.inf}
+    own, other = (
+        replace(ending_at(reach[lens], lens, one), options=CameraOptions(lens=lens))
+        for lens, one in ((asked, own), (like, other))
+    )
+    assert lens_choice._rival(asked, own, {like: other}) == left_open
 
 
 def test_numbers_that_corners_do_not_need_do_not_count():

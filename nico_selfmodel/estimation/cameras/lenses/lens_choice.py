@@ -46,6 +46,11 @@ from nico_selfmodel.names import listed
 
 _ALIKE = 0.2
 """Share by which focal lengths, in widths of the image, of one kind of camera may differ."""
+_LIKE = {FISHEYE: (RATIONAL, 3.0), RATIONAL: (FISHEYE, -3.0)}
+"""The lens that may be right in place of one that was asked for, and by how much it has to be less
+likely: a logarithm, of 20 to 1 (Kass, Raftery 1995: 2 ln B = 6). Of rational lenses every fourth
+bends light as a fisheye does as far as boards reach, of fisheyes one in twenty as a rational lens;
+one that is likelier by as much is not taken only where it ends in front of the camera."""
 
 
 @dataclass(frozen=True)
@@ -209,8 +214,7 @@ def _compared(views: BoardViews, options: CameraOptions) -> LensChoice:
 def _rival(asked: str, own: LensEvidence, others: dict[str, LensEvidence]) -> str | None:
     """Return the lens that would be taken in place of the one asked for, if another.
 
-    Or that may be: of rational lenses every fourth bends light within what boards reach as a
-    fisheye does, of fisheyes one in twenty as a rational lens; a fisheye has to be told from it.
+    Or that may be right in its place: `_LIKE`.
     """
     plain = others.get(POLYNOMIAL)
     if plain is not None and not asks_for_others(plain.calibration, plain.options):
@@ -219,8 +223,8 @@ def _rival(asked: str, own: LensEvidence, others: dict[str, LensEvidence]) -> st
         taken = _chosen({asked: own, **others}, {}).lens
     if taken != asked:
         return taken
-    fraction = others.get(RATIONAL)
-    return RATIONAL if asked == FISHEYE and fraction and leaves_doubt(own, fraction) else None
+    like, less = _LIKE.get(asked, (None, 0.0))
+    return like if like in others and leaves_doubt(own, others[like], less) else None
 
 
 def _trial(lens: str, found: LensEvidence, reason: str) -> LensTrial:

@@ -37,8 +37,6 @@ _AGREED = 1.645
 twenty by chance (Vuong 1989)."""
 _FAR_LIKELIER = 5.0
 """Logarithm of the likelihoods' ratio that leaves no doubt (Kass, Raftery 1995: 2 ln B > 10)."""
-_LIKELIER = 3.0
-"""The same that leaves little doubt (2 ln B > 6)."""
 _FAR_NEARER = 0.1
 """Mean logarithm of the errors' ratio of boards left out that is no chance: the noise of a number
 more moved it by 0.08 at most in 80 simulated cameras."""
@@ -201,10 +199,9 @@ def is_wrong(own: LensEvidence, other: LensEvidence) -> bool:
     return told and surplus(own, other) > _FAR_LIKELIER
 
 
-def leaves_doubt(own: LensEvidence, other: LensEvidence) -> bool:
-    """Tell whether another lens than the likelier one explains corners and unseen boards, too."""
-    explains = not (other.flawed or other.worse_than(own))
-    return explains and surplus(other, own) < _LIKELIER
+def leaves_doubt(own: LensEvidence, other: LensEvidence, less: float) -> bool:
+    """Tell whether another lens explains unseen boards, and corners not so much less likely."""
+    return not (other.flawed or other.worse_than(own)) and surplus(other, own) < less
 
 
 def misfits_of(found: CameraCalibration, options: CameraOptions) -> tuple[LensMisfit, ...]:
