@@ -418,6 +418,14 @@ def test_a_fraction_that_ends_is_learned_without_what_corners_do_not_need():
     assert not any("contradict" in r or "chessboard" in r for r in judge(assessment).reasons)
 
 
+def test_held_out_boards_beyond_where_a_lens_ends_fail_by_name():
+    """No ray leads there, and there had been no verdict at all."""
+    _, verdict = verdict_on("fisheye", 6006, "rational")
+    assert verdict.status == "FAIL"
+    (reason,) = (r for r in verdict.reasons if "has ended" in r)
+    assert reason.startswith("held-out boards 01, 03, 04 lie where the learned rational lens")
+
+
 def test_held_out_boards_that_miss_within_what_was_learned_contradict():
     _, train, test = scene("polynomial", 1)
     found = calibrate_cameras(train, CameraOptions())

@@ -14,6 +14,7 @@ from nico_selfmodel.estimation.cameras.board_accuracy import (
     pairs_of,
 )
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
+from nico_selfmodel.estimation.cameras.camera_initialization import within_reach
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions, lens_word
 from nico_selfmodel.estimation.cameras.known_cameras import KnownCameras, other_scale
 from nico_selfmodel.estimation.cameras.lenses.lens_folds import folds_by_chance, folds_of
@@ -58,6 +59,8 @@ class CameraAssessment:
     """What the cameras that were known before leave; None where none were given."""
     decentred: tuple[str, ...] = ()
     """Cameras whose boards ask for p1 and p2; those of all cameras were let move then."""
+    beyond_reach: tuple[str, ...] = ()
+    """Held-out boards beyond the reach of every lens that saw them; not in `test_views`."""
 
     @classmethod
     def from_calibration(
@@ -96,6 +99,7 @@ class CameraAssessment:
             left_out = cross_validate_cameras(calibration, options, inliers)
         if test is not None and len(test.cameras) > 1:
             test = joined(test, calibration.cameras)
+        test, beyond = _within_reach(calibration, test)
         shown = test if test is not None else views.select(inliers)
         return cls(
             calibration,
@@ -112,6 +116,7 @@ class CameraAssessment:
             rival_lens,
             None if known is None else KnownCameras.on(known, shown, test is not None),
             decentred,
+            beyond,
         )
 
     def lens_of(self, camera: str) -> str:
@@ -156,6 +161,17 @@ class CameraAssessment:
             *(words_of_misfit(m, self.lens_of(m.camera)) for m in self.misfits if _is_slight(m)),
             *([] if scale is None else [scale]),
         )
+
+
+def _within_reach(
+    calibration: CameraCalibration, test: BoardViews | None
+) -> tuple[BoardViews | None, tuple[str, ...]]:
+    """Return held-out boards that the learned lenses see, if any, and the names of the others."""
+    if test is None:
+        return None, ()
+    seen = within_reach(calibration.cameras, test)
+    beyond = tuple(test.names[v] for v in np.flatnonzero(~seen))
+    return test.select(seen) if seen.any() else None, beyond
 
 
 def _weak_parameters(calibration: CameraCalibration) -> list[str]:

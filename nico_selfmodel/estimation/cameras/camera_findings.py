@@ -58,6 +58,7 @@ def camera_findings(assessment: CameraAssessment) -> tuple[Finding, ...]:
             if fails_the_lens(m)
         ),
         _better_lens(assessment),
+        _beyond_reach(assessment),
         far,
         _worst_reason(judged),
         *_fold_reasons(assessment),
@@ -89,6 +90,18 @@ def _better_lens(assessment: CameraAssessment) -> str | None:
     return (
         f"boards are met better by a {assessment.better_lens} lens than by the "
         f"{assessment.lens} one that was asked for: let the boards choose with --lens auto"
+    )
+
+
+def _beyond_reach(assessment: CameraAssessment) -> str | None:
+    """Say which held-out boards lie where the learned lens sees nothing."""
+    if not assessment.beyond_reach:
+        return None
+    boards, many = assessment.beyond_reach, len(assessment.beyond_reach) > 1
+    return (
+        f"held-out {'boards' if many else 'board'} {listed(boards)} {'lie' if many else 'lies'} "
+        f"where the learned {assessment.lens} lens has ended: learn from boards that reach as far, "
+        "or let the boards choose with --lens auto"
     )
 
 

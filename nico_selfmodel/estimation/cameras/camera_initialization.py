@@ -13,6 +13,7 @@ from nico_selfmodel.geometry.rotation import nearest_rotation
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import FISHEYE, RATIONAL, project_in_camera
+from nico_selfmodel.names import listed
 
 _PARALLEL = np.radians(3.0)
 """Boards whose normals differ by less than this leave the focal length open."""
@@ -267,13 +268,27 @@ def pose_of_seen_boards(cameras: tuple[Camera, ...], views: BoardViews) -> NDArr
     """
     X_LG = np.full((len(views), 4, 4), np.nan)
     for side, camera in reversed(list(zip(views.cameras, cameras, strict=True))):
-        pixels = views.of_camera(side)
-        d = camera.directions(pixels.reshape(-1, 2)).reshape(*pixels.shape[:2], 3)
-        rows = np.flatnonzero(np.isfinite(d).all(axis=2).sum(axis=1) >= 4)
+        d, told = _rays(camera, views.of_camera(side))
+        rows = np.flatnonzero(told)
         X_LG[rows] = camera.X_WC @ flat_boards(views.p_GQ[:, :2], d[rows])
-    if not np.isfinite(X_LG).all():
-        raise EstimationError("a board was seen by neither camera, or beyond the fold of its lens")
+    unseen = [views.names[v] for v in np.flatnonzero(np.isnan(X_LG[:, 0, 0]))]
+    if unseen:
+        raise EstimationError(
+            f"no camera saw board {listed(unseen)}, or only beyond the fold of its lens"
+        )
     return X_LG
+
+
+def within_reach(cameras: tuple[Camera, ...], views: BoardViews) -> NDArray:
+    """Tell which boards some camera saw within the reach of its lens. Boolean, shape (V,)."""
+    sides = zip(views.cameras, cameras, strict=True)
+    return np.any([_rays(camera, views.of_camera(side))[1] for side, camera in sides], axis=0)
+
+
+def _rays(camera: Camera, pixels: NDArray) -> tuple[NDArray, NDArray]:
+    """Return directions of corners, (V, P, 3), and which boards have the four that place it."""
+    d = camera.directions(pixels.reshape(-1, 2)).reshape(*pixels.shape[:2], 3)
+    return d, np.isfinite(d).all(axis=2).sum(axis=1) >= 4
 
 
 def flat_boards(plane: NDArray, directions: NDArray) -> NDArray:
