@@ -97,6 +97,17 @@ def test_a_tag_that_is_printed_too_small_is_named_beside_a_description(seed, fac
         assert float(word.split(" measured is ")[1].split()[0]) == pytest.approx(factor, abs=0.01)
 
 
+def test_a_wrong_size_is_as_sure_however_far_off_a_description_is_said_to_be():
+    data, described = tag_before_a_camera(1, 1.03)
+    few, many = (
+        calibrate_tree(data, description=replace(described, shift_sigma=said), effects=())
+        for said in (0.001, 0.03)
+    )
+    sure = few.held["camera"].beside_description
+    assert many.held["camera"].beside_description == pytest.approx(sure, rel=0.02)
+    assert sure > 20.0
+
+
 def test_lengths_that_rest_on_a_stated_size_alone_are_said_to():
     data, _ = tag_before_a_camera(1, 1.03)
     noted = tree_result(calibrate_tree(data, effects=())).texts(NOTE)

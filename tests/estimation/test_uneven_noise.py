@@ -142,21 +142,21 @@ def test_a_tracker_is_not_blamed_for_the_last_digits_of_a_robot_that_stands_stil
     assert found.noise["tracker"] == pytest.approx(sensor, rel=0.6)
 
 
-def tailed(seed, markers, astray=0.0):
+def tailed(seed, markers, astray=0.0, read=2e-4):
     """An arm whose readings are five times as far off in one of twenty, any joint's; rms of all."""
     arm = one_arm(
-        seed, joints=6, markers=markers, poses=100, joint_sigma=2e-4, sigma={"points": 2e-5}
+        seed, joints=6, markers=markers, poses=100, joint_sigma=read, sigma={"points": 0.1 * read}
     )
     rng = np.random.default_rng((seed, 3))
     shape = arm.data.readings.shape
-    tail = np.sqrt(24.0) * 2e-4 * rng.normal(size=shape) * (rng.random(shape) < 0.05)
+    tail = np.sqrt(24.0) * read * rng.normal(size=shape) * (rng.random(shape) < 0.05)
     table = arm.data.observations
     values = table.values.copy()
     values[:3, :3] += astray
     data = replace(
         arm.data, readings=arm.data.readings + tail, observations=replace(table, values=values)
     )
-    return calibrate_tree(data, effects=()), float(np.sqrt(4e-8 + np.mean(tail**2)))
+    return calibrate_tree(data, effects=()), float(np.sqrt(read**2 + np.mean(tail**2)))
 
 
 @pytest.mark.parametrize(("markers", "seed"), slow_rest([(3, 41), (1, 42), (3, 43), (1, 45)]))
@@ -165,6 +165,21 @@ def test_heavy_tails_of_all_joints_are_noise_and_no_joint_is_named(markers, seed
     assert not any("the encoder of" in word for word in judge(found).warnings)
     assert found.noise["j1"] > 1.05 * found.solution.noise.joint[0]
     assert found.noise["j1"] == pytest.approx(rms, rel=0.25)
+
+
+@pytest.mark.parametrize("seed", slow_rest([41, 43]))
+def test_tails_of_joints_that_are_read_badly_count_beyond_a_hundredth_of_their_travel(seed):
+    found, rms = tailed(seed, 3, read=np.radians(0.2))
+    assert found.noise["j1"] == pytest.approx(rms, rel=0.12)
+
+
+def test_a_reading_that_is_farther_off_than_tails_reach_is_no_noise():
+    arm = one_arm(7, joints=6, markers=3, poses=60)
+    readings = arm.data.readings.copy()
+    readings[5, 2] += 0.3
+    found = calibrate_tree(replace(arm.data, readings=readings), effects=())
+    assert found.solution.slipped[:, 2].sum() == 1
+    assert found.noise["j1"] == found.solution.noise.joint[0]
 
 
 @pytest.mark.parametrize(("markers", "seed"), slow_rest([(1, 2), (1, 3), (3, 2), (3, 3)]))

@@ -5,6 +5,11 @@ is likelier that all joints slip alike, it is noise with heavy tails. Parameters
 each slip, but a reading to come may slip as well: predictions count the variance of all that is
 no fault, sigma^2 + p d^2 of slips of N(0, d^2) in a share p of the poses. Where it is likelier
 still that sensors are far off now and then, slips say nothing of the joints.
+
+Such a variance rests on few errors that are large. With the score of each pose by its logarithm,
+s_v = sigma^2 sum_j ((a_j' P r)^2 - a_j' P a_j) / 2, and the information I = sum_v tr (A' S^-1 A)^2
+sigma^4 / 2, the logarithm is known to V = sum s_v^2 / I^2 (White 1982, of any distribution), and
+what is to be expected is sigma^2 (1 + V), the mean of an inverse gamma about its mode.
 """
 
 from dataclasses import dataclass, replace
@@ -15,15 +20,20 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.joint_slips import (
     FEWEST_SLIPS,
+    SLIPPED_AT,
     gain_of_errors,
     gain_of_slips,
 )
+from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.pose_noise import FREE_SIGMA
 from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
+from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.pose_tests import LOUDEST, far_observations
 from nico_selfmodel.estimation.tree.tree_noise import likeliest_noise, tree_whitening
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
+from nico_selfmodel.optimization.uncertainty import covariance_told_by
 
 _MOST_SLIPS = 0.02
 """Share of poses with a wrong reading of one joint from which on it is named, `FEWEST_SLIPS` at
@@ -73,15 +83,45 @@ def noise_to_expect(problem: TreeProblem, solution: TreeSolution) -> TreeNoise:
     real = seen.data.visit < len(off)
     if solution.joint_errors is not None:
         np.maximum.at(off, seen.data.visit[real], np.abs(solution.joint_errors[real]))
-    faults = slipped & ((off > LOUDEST * seen.moved) | slipping_joints(problem, solution))
+    # Tails of a joint that is read badly reach beyond `LOUDEST` of what it moved.
+    reach = np.maximum(LOUDEST * seen.moved, np.sqrt(SLIPPED_AT) * _LARGER * noise.joint)
+    faults = slipped & ((off > reach) | slipping_joints(problem, solution))
     outliers = solution.outliers & _beyond_joint_noise(problem, solution)
     errors = _Errors.of(problem, solution, outliers)
     as_before = (faults == slipped).all() and (outliers == solution.outliers).all()
     if as_before or errors.of_sensors > errors.gain_of(~seen.unread):
         return noise
     sound = replace(solution, slipped=faults, outliers=outliers)
-    joint = likeliest_noise(*problem.asking_at(sound)).joint
+    asked = problem.asking_at(sound)
+    likeliest = likeliest_noise(*asked)
+    joint = likeliest.joint * np.sqrt(1.0 + _doubts(*asked[:4], likeliest, asked[5]))
     return replace(noise, joint=np.maximum(noise.joint, joint))
+
+
+def _doubts(
+    seen: TreeObservations,
+    linear: TreeLinear,
+    groups: PoseGroups,
+    slipped: NDArray | None,
+    noise: TreeNoise,
+    information: NDArray,
+) -> NDArray:
+    """Return V of each joint's variance, as `likeliest_noise` found it. Shape (m,)."""
+    scale = noise.sensor[seen.noise_group]
+    S = tree_whitening(seen, linear, groups, noise, slipped)
+    X = groups.gather((np.vstack([linear.r, linear.J]) / scale).T[:, None])
+    J, solved, A = X[:, 1:], S.inverse(X), S.lever
+    C = covariance_told_by(J.T @ solved[:, 1:] + np.diag(information))
+    left = solved[:, :1] - solved[:, 1:] @ (C @ (J.T @ solved[:, :1]))
+    told = groups.products(A, S.inverse(A))
+    along = groups.products(A, np.column_stack([left, solved[:, 1:]]))
+    fitted = np.einsum("vjp,pq,vjq->vj", along[:, :, 1:], C, along[:, :, 1:], optimize=True)
+    steady = np.ones(fitted.shape) if slipped is None else 1.0 - slipped
+    size = noise.joint * steady
+    score = 0.5 * size**2 * (along[:, :, 0] ** 2 - np.einsum("vjj->vj", told) + fitted)
+    alike = noise.joint[:, None] == noise.joint
+    told = 0.5 * np.einsum("vij,vi,vj,ij->i", told**2, size**2, size**2, alike, optimize=True)
+    return np.asarray(np.sum((score @ alike) ** 2, axis=0) / np.maximum(alike @ told, 1e-100) ** 2)
 
 
 def _beyond_joint_noise(problem: TreeProblem, solution: TreeSolution) -> NDArray:

@@ -6,9 +6,11 @@ square of the number of columns. Nothing is solved again. Those of arms are in
 `estimation.diagnosis.score_test`.
 
 A description whose standard deviation is learned is said to be far off where a length that is told
-wrongly contradicts it. Its squares S_0 beside what is held, and S_1 if that were free, tell: with
-nu + 1 = S_0 parts that are told, nu (S_0 - S_1) / S_1 is t^2 of nu freedoms, as rare as chi square
-of one, ((8 nu + 1) / (8 nu + 3))^2 nu log(S_0 / S_1) (Wallace 1959).
+wrongly contradicts it. Its squares S_0 beside what is held, and S_1 if that were free, tell: where
+the data tell nu + 1 of its parts (one less the leverage of each, summed; MacKay 1992),
+nu (S_0 - S_1) / S_1 is t^2 of nu freedoms, as rare as chi square of one,
+((8 nu + 1) / (8 nu + 3))^2 nu log(S_0 / S_1) (Wallace 1959). S_0 itself is no such number: of a
+standard deviation that is said to be too large, and learned, it is six of nine.
 """
 
 from dataclasses import dataclass, replace
@@ -78,13 +80,14 @@ def held_scores(problem: TreeProblem, solution: TreeSolution) -> dict[str, HeldS
     if not columns:
         return {}
     at = np.cumsum([0, *(one.shape[1] for one in columns.values())])
-    Z, z, redundancy = _beside(problem, solution, np.hstack(list(columns.values())))
+    described = _described(problem, len(solution.whitened))
+    asked = np.hstack(list(columns.values()))
+    Z, z, redundancy, told = _beside(problem, solution, asked, described)
     variance = max(float(z @ z) / redundancy, np.finfo(float).tiny)
-    described = _described(problem, len(z))
     scores = {}
     for (name, column), first, last in zip(columns.items(), at[:-1], at[1:], strict=True):
         scalars = int(column.any(axis=1).sum())
-        scores[name] = _score(Z[:, first:last], z, variance, scalars, described)
+        scores[name] = _score(Z[:, first:last], z, variance, scalars, described, told - 1.0)
     return scores
 
 
@@ -147,9 +150,12 @@ def _by_sizes(seen: TreeObservations, linear: TreeLinear) -> dict[str, NDArray]:
 
 
 def _beside(
-    problem: TreeProblem, solution: TreeSolution, columns: NDArray
-) -> tuple[NDArray, NDArray, int]:
-    """Return whitened columns and residuals with what was free taken off, and the redundancy."""
+    problem: TreeProblem, solution: TreeSolution, columns: NDArray, described: NDArray
+) -> tuple[NDArray, NDArray, int, float]:
+    """Return whitened columns and residuals with what was free taken off, and the redundancy.
+
+    The last is how many of the described rows the others tell.
+    """
     U, white = problem.whitened_at(solution, columns)
     free, e = len(problem.free_names), columns.shape[1]
     prior = solution.whitened[len(white) :]
@@ -157,13 +163,17 @@ def _beside(
     z = np.append(white, solution.rest[len(white) :])
     U, Z = U[:, :free], U[:, free:]
     U = U / np.maximum(np.linalg.norm(U, axis=0), np.finfo(float).tiny)
-    taken = np.linalg.lstsq(U.T @ U, U.T @ np.column_stack([Z, z]), rcond=1e-12)[0]
-    rest = np.column_stack([Z, z]) - U @ taken
+    both, own = np.column_stack([Z, z]), U[described]
+    taken = np.linalg.lstsq(U.T @ U, np.column_stack([U.T @ both, own.T]), rcond=1e-12)[0]
+    rest = both - U @ taken[:, : e + 1]
     told = np.linalg.norm(rest[:, :-1], axis=0) > _TOLD * np.linalg.norm(Z, axis=0)
-    return rest[:, :-1] * told, rest[:, -1], max(len(z) - free, 1)
+    by_others = len(own) - float(np.sum(own.T * taken[:, e + 1 :]))
+    return rest[:, :-1] * told, rest[:, -1], max(len(z) - free, 1), by_others
 
 
-def _score(Z: NDArray, z: NDArray, variance: float, scalars: int, described: NDArray) -> HeldScore:
+def _score(
+    Z: NDArray, z: NDArray, variance: float, scalars: int, described: NDArray, freedoms: float
+) -> HeldScore:
     size = np.linalg.norm(Z, axis=0)
     e = len(size)
     if not size.all():
@@ -173,7 +183,7 @@ def _score(Z: NDArray, z: NDArray, variance: float, scalars: int, described: NDA
     values = -inner @ (Z.T @ z)
     gain = float(values @ (Z.T @ Z) @ values) / variance
     before, after = (float(np.sum(one[described] ** 2)) for one in (z, z + Z @ values))
-    sigma, rare, freedoms = np.sqrt(variance * np.diag(inner)) / size, 0.0, before - 1.0
+    sigma, rare = np.sqrt(variance * np.diag(inner)) / size, 0.0
     if e == 1 and freedoms > 1.0 and after < before:
         rare = ((8 * freedoms + 1) / (8 * freedoms + 3)) ** 2 * freedoms * np.log(before / after)
         sigma = sigma * np.sqrt(after / freedoms)
