@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset, ObservationTable
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
-from nico_selfmodel.dataset.body.sensors import POINTS, MarkerInfo, SensorInfo
+from nico_selfmodel.dataset.body.of_tree import link_joints_of, marker_infos
+from nico_selfmodel.dataset.body.sensors import POINTS, SensorInfo
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
@@ -170,20 +170,6 @@ def _unknown_play(model: BodyModel, data: BodyDataset) -> NDArray:
 def _asked(model: BodyModel, readings: NDArray, watcher: Attached) -> BodyDataset:
     """Return the recording of a tracker that sees everything, where `watcher` is."""
     tree = model.tree
-    names = tree.joints
-    joints = []
-    for i, name in enumerate(names):
-        parent = int(tree.parent[i])
-        leads = {} if tree.coupling[i, i] else dict(zip(names, tree.coupling[i], strict=True))
-        joints.append(
-            LinkJoint(
-                name,
-                WORLD_NAME if parent == WORLD else names[parent],
-                tree.motions[i],
-                "rad" if tree.motions[i] == "revolute" else "m",
-                follows={lead: float(ratio) for lead, ratio in leads.items() if ratio},
-            )
-        )
     count, markers = len(readings), len(tree.markers)
     rows = count * markers
     values = np.hstack([np.zeros((rows, 3)), np.full((rows, 3), np.nan)])
@@ -191,15 +177,9 @@ def _asked(model: BodyModel, readings: NDArray, watcher: Attached) -> BodyDatase
     table = ObservationTable(pose, np.zeros(rows, int), marker, np.full(rows, -1), values)
     return BodyDataset(
         "asked",
-        tuple(joints),
-        tuple(
-            MarkerInfo(m.name, WORLD_NAME if m.on == WORLD else names[m.on]) for m in tree.markers
-        ),
-        (
-            SensorInfo(
-                watcher.name, POINTS, WORLD_NAME if watcher.on == WORLD else names[watcher.on]
-            ),
-        ),
+        link_joints_of(tree),
+        marker_infos(tree),
+        (SensorInfo(watcher.name, POINTS, tree.link_name(watcher.on)),),
         np.arange(count),
         np.asarray(readings, dtype=float) * model.si_per_unit,
         table,

@@ -317,7 +317,7 @@ def _joints(calibration: TreeCalibration) -> list[dict[str, Any]]:
     return [
         {
             "name": name,
-            "parent": "world" if parent < 0 else tree.joints[parent],
+            "parent": tree.link_name(parent),
             "motion": motion,
             **_axes(X, motion, tree.motions[parent] if parent >= 0 else FLANGE),
             "markers": [m.name for m in tree.markers if m.on == i],
