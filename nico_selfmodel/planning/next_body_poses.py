@@ -62,9 +62,6 @@ def choose_next_body_poses(
         criterion: `I` for the prediction of the marker, `D` for all parameters.
         marker: On a link of the body; the first one by default.
 
-    Returns:
-        The poses.
-
     Raises:
         DataError: If the data are of another body, or no pose is in view.
         ModelError: If the body has no covariance or no such marker.

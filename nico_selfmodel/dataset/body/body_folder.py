@@ -60,9 +60,6 @@ def load_body_dataset(folder: str | PathLike[str]) -> BodyDataset:
     Args:
         folder: With `dataset.yaml`, `poses.csv` and `observations.csv`.
 
-    Returns:
-        The recording.
-
     Raises:
         DataError: If anything is missing, not valid or not plausible; names file, line and column.
     """
