@@ -89,10 +89,6 @@ class TreeErrors:
 def errors_of(tree: BodyTree, data: BodyDataset) -> TreeErrors:
     """Return what a body leaves of a recording of its joints, markers and sensors, in any order.
 
-    Args:
-        tree: The body.
-        data: The recording.
-
     Raises:
         DataError: If it is of another body.
     """
@@ -121,10 +117,6 @@ def beside_boards(tree: BodyTree, data: BodyDataset) -> BodyTree:
 
 def told_as(tree: BodyTree, data: BodyDataset) -> BodyDataset:
     """Return a recording with the body's markers, in its order.
-
-    Args:
-        tree: The body.
-        data: The recording.
 
     Raises:
         DataError: If it has other joints, or markers or sensors that the body lacks.

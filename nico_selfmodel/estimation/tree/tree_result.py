@@ -48,11 +48,7 @@ _TERMS = Terms(
 
 
 def tree_result(calibration: TreeCalibration) -> CalibrationResult:
-    """Return a body with all that it is judged by and that is written down of it.
-
-    Args:
-        calibration: What was learned.
-    """
+    """Return a body with all that it is judged by and that is written down of it."""
     solution, data = calibration.solution, calibration.data
     crossed, held = calibration.cross_validation, calibration.test
     # Both are told in units of what is usual, or neither.
