@@ -13,7 +13,7 @@ from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflect
-from nico_selfmodel.geometry.transform import apply, inverse, transform
+from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, Attached, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
@@ -82,10 +82,9 @@ def predict_body(
     linear = residuals.linear(parameters.values_of(watched))
     p_FM = linear.r.reshape(count, markers, 3)
     motion = TreeMotion.at(watched, data.si_readings, approach=data.si_approach)
-    poses = [motion.pose_of(m) for m in tree.markers]
-    R_WM = np.stack([R.transpose(2, 0, 1) for R, _ in poses], axis=1)
-    p_WM = np.stack([p.T for _, p in poses], axis=1)
-    R_FW = np.swapaxes(motion.pose_of(watcher)[0].transpose(2, 0, 1), 1, 2)
+    X_WM = np.stack([motion.poses(m) for m in tree.markers], axis=1)
+    p_WM = X_WM[..., :3, 3]
+    R_FW = np.swapaxes(motion.poses(watcher)[:, :3, :3], 1, 2)
     sigma = np.sqrt(_variance(model, parameters, linear.J, linear.by_joint, residuals) / 3.0)
     cameras = {name: _seen(motion, name, p_WM) for name in tree.lenses}
     reflected = {
@@ -94,7 +93,7 @@ def predict_body(
         for name in tree.lenses
     }
     sigmas = sigma.reshape(count, markers)
-    return BodyPrediction(p_FM, R_FW[:, None] @ R_WM, sigmas, cameras, reflected)
+    return BodyPrediction(p_FM, R_FW[:, None] @ X_WM[..., :3, :3], sigmas, cameras, reflected)
 
 
 def _watcher(tree: BodyTree, frame: str | None) -> Attached:
@@ -129,8 +128,7 @@ def _reflected(motion: TreeMotion, camera: str, plane: Plane, p_WQ: NDArray) -> 
 def _poses(motion: TreeMotion, camera: str) -> NDArray:
     """Return the poses of a camera in W. Shape (N, 4, 4)."""
     (sensor,) = [s for s in motion.tree.sensors if s.name == camera]
-    R, p = motion.pose_of(sensor)
-    return transform(R.transpose(2, 0, 1), p.T)
+    return motion.poses(sensor)
 
 
 def _variance(
