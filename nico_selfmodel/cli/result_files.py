@@ -14,14 +14,10 @@ from nico_selfmodel.cli.option_groups import Bounds, NamedOutput, Output
 from nico_selfmodel.progress import Progress, telling_nobody
 
 if TYPE_CHECKING:
-    from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-    from nico_selfmodel.dataset.dataset import Dataset
     from nico_selfmodel.estimation.judging import Calibration
     from nico_selfmodel.estimation.results.verdict import Verdict
     from nico_selfmodel.model.self_model import SelfModel
-    from nico_selfmodel.model.shape.link_shape import BodyShape
     from nico_selfmodel.model.tree.body_model import BodyModel
-    from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.viz.reports.page import Report
 
 NO_BOUNDS = Bounds()
@@ -106,7 +102,7 @@ def judge_and_write(
         verdict: What is thought of it, where that is known already.
         command: The command line; this process' own if omitted.
         more: What the command itself adds to `result.json`.
-        beside: What else is kept: `robot`, `recordings`, `shape` of `write_with_report`.
+        beside: What else is kept: `robot`, `recordings`, `shape` of `write_result`.
 
     Returns:
         The content of `result.json`.
@@ -124,35 +120,19 @@ def judge_and_write(
 
 
 def write_with_report(
-    out: Path,
-    model: "SelfModel | BodyModel",
-    report: "Report | NoReport",
-    *,
-    robot: "ArmDescription | None" = None,
-    recordings: "Mapping[str, Dataset | BodyDataset] | None" = None,
-    shape: "BodyShape | None" = None,
-    force: bool = False,
+    out: Path, model: "SelfModel | BodyModel", report: "Report | NoReport", **beside: Any
 ) -> None:
-    """Write self-model, `result.json`, report, scene, and the URDF of an arm, or nothing.
+    """Write a result folder with its report and scene, or nothing.
 
     Args:
         out: The folder to make.
         model: The self-model.
         report: With the content of `result.json`.
-        robot: The robot that the arm belongs to; the one that the model names if omitted.
-        recordings: Data sets to keep beside the result, in `recordings/<name>`.
-        shape: What the body looks like as it was learned, to keep in `body`.
-        force: Replace an existing folder.
+        beside: What else is kept, and whether by `force`, see `write_result`.
 
     Raises:
-        FileExistsError: If the folder exists and `force` is not set.
-        OSError: If it cannot be written.
-        ModelError: If the robot that the model names is gone, or has other joints.
-        SelfModelError: If Drake's page for scenes is not one that is known.
+        SelfModelError: If Drake's page for scenes is not one that is known; else as `write_result`.
     """
     from nico_selfmodel.result_folder.writing import write_result
 
-    texts = report.files()
-    write_result(
-        out, model, report.document, texts, recordings, robot=robot, shape=shape, force=force
-    )
+    write_result(out, model, report.document, report.files(), **beside)
