@@ -3,7 +3,6 @@
 import shlex
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from types import MappingProxyType
@@ -43,39 +42,6 @@ def stamped(document: Mapping[str, Any], command: str | None = None) -> dict[str
     return {**document, "run": {"date": date, "command": words, "version": __version__}}
 
 
-def judged_document(
-    found: "Calibration",
-    bounds: Bounds = NO_BOUNDS,
-    command: str | None = None,
-    verdict: "Verdict | None" = None,
-) -> dict[str, Any]:
-    """Return the content of `result.json` of what a command learned, judged.
-
-    Args:
-        found: What was learned.
-        bounds: Held-out errors above which it fails.
-        command: The command line; this process' own if omitted.
-        verdict: What is thought of it, where that is known already.
-    """
-    from nico_selfmodel.estimation.judging import judge, result_of, to_json
-
-    result = result_of(found)
-    verdict = verdict or judge(result, bounds.require_test_mm, bounds.require_test_px)
-    return stamped(to_json(result, verdict), command)
-
-
-@dataclass(frozen=True, eq=False)
-class NoReport:
-    """In place of a report where none is wanted: drawing takes longer than most calibrations."""
-
-    document: Mapping[str, Any]
-    """Content of `result.json`."""
-
-    def files(self) -> dict[str, str]:
-        """Return no files."""
-        return {}
-
-
 def judge_and_write(
     found: "Calibration",
     model: "SelfModel | BodyModel",
@@ -94,8 +60,8 @@ def judge_and_write(
     Args:
         found: What was learned.
         model: The self-model of it.
-        draw: Returns the report of a `result.json`; drawing is slow to load, and is not called
-            where no report is wanted.
+        draw: Returns the report of a `result.json`; not called where none is wanted: drawing takes
+            longer than most calibrations.
         output: Where to, and whether with a report.
         progress: Told that writing begins and ends.
         bounds: Held-out errors above which it fails.
@@ -110,17 +76,23 @@ def judge_and_write(
     Raises:
         FileExistsError, OSError, ModelError, SelfModelError: As `write_with_report`.
     """
-    document = {**judged_document(found, bounds, command, verdict), **more}
+    from nico_selfmodel.estimation.judging import judge, result_of, to_json
+    from nico_selfmodel.result_folder.writing import write_result
+
+    result = result_of(found)
+    verdict = verdict or judge(result, bounds.require_test_mm, bounds.require_test_px)
+    document = {**stamped(to_json(result, verdict), command), **more}
     progress("writing the result", 0, 1)
-    unseen = isinstance(output, NamedOutput) and output.no_report
-    report = NoReport(document) if unseen else draw(document)
-    write_with_report(output.out, model, report, force=output.force, **beside)
+    if isinstance(output, NamedOutput) and output.no_report:
+        write_result(output.out, model, document, force=output.force, **beside)
+    else:
+        write_with_report(output.out, model, draw(document), force=output.force, **beside)
     progress("writing the result", 1, 1)
     return document
 
 
 def write_with_report(
-    out: Path, model: "SelfModel | BodyModel", report: "Report | NoReport", **beside: Any
+    out: Path, model: "SelfModel | BodyModel", report: "Report", **beside: Any
 ) -> None:
     """Write a result folder with its report and scene, or nothing.
 
