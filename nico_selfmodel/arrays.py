@@ -7,6 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.names import shown
 
+_ROUNDING = 1e-6
+"""Of a correlation."""
+
 
 def as_floats(value: ArrayLike, name: str) -> NDArray:
     """Return a copy of numbers as an array of floats.
@@ -88,7 +91,3 @@ def frozen_covariance(value: ArrayLike, count: int) -> NDArray:
             "covariance is not positive semi-definite: no errors are correlated like that"
         )
     return matrix
-
-
-_ROUNDING = 1e-6
-"""Of a correlation."""

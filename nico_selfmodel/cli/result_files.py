@@ -3,7 +3,6 @@
 import shlex
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from types import MappingProxyType
@@ -14,14 +13,10 @@ from nico_selfmodel.cli.option_groups import Bounds, NamedOutput, Output
 from nico_selfmodel.progress import Progress, telling_nobody
 
 if TYPE_CHECKING:
-    from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-    from nico_selfmodel.dataset.dataset import Dataset
     from nico_selfmodel.estimation.judging import Calibration
     from nico_selfmodel.estimation.results.verdict import Verdict
     from nico_selfmodel.model.self_model import SelfModel
-    from nico_selfmodel.model.shape.link_shape import BodyShape
     from nico_selfmodel.model.tree.body_model import BodyModel
-    from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.viz.reports.page import Report
 
 NO_BOUNDS = Bounds()
@@ -47,39 +42,6 @@ def stamped(document: Mapping[str, Any], command: str | None = None) -> dict[str
     return {**document, "run": {"date": date, "command": words, "version": __version__}}
 
 
-def judged_document(
-    found: "Calibration",
-    bounds: Bounds = NO_BOUNDS,
-    command: str | None = None,
-    verdict: "Verdict | None" = None,
-) -> dict[str, Any]:
-    """Return the content of `result.json` of what a command learned, judged.
-
-    Args:
-        found: What was learned.
-        bounds: Held-out errors above which it fails.
-        command: The command line; this process' own if omitted.
-        verdict: What is thought of it, where that is known already.
-    """
-    from nico_selfmodel.estimation.judging import judge, result_of, to_json
-
-    result = result_of(found)
-    verdict = verdict or judge(result, bounds.require_test_mm, bounds.require_test_px)
-    return stamped(to_json(result, verdict), command)
-
-
-@dataclass(frozen=True, eq=False)
-class NoReport:
-    """In place of a report where none is wanted: drawing takes longer than most calibrations."""
-
-    document: Mapping[str, Any]
-    """Content of `result.json`."""
-
-    def files(self) -> dict[str, str]:
-        """Return no files."""
-        return {}
-
-
 def judge_and_write(
     found: "Calibration",
     model: "SelfModel | BodyModel",
@@ -98,15 +60,15 @@ def judge_and_write(
     Args:
         found: What was learned.
         model: The self-model of it.
-        draw: Returns the report of a `result.json`; drawing is slow to load, and is not called
-            where no report is wanted.
+        draw: Returns the report of a `result.json`; not called where none is wanted: drawing takes
+            longer than most calibrations.
         output: Where to, and whether with a report.
         progress: Told that writing begins and ends.
         bounds: Held-out errors above which it fails.
         verdict: What is thought of it, where that is known already.
         command: The command line; this process' own if omitted.
         more: What the command itself adds to `result.json`.
-        beside: What else is kept: `robot`, `recordings`, `shape` of `write_with_report`.
+        beside: What else is kept: `robot`, `recordings`, `shape` of `write_result`.
 
     Returns:
         The content of `result.json`.
@@ -114,45 +76,35 @@ def judge_and_write(
     Raises:
         FileExistsError, OSError, ModelError, SelfModelError: As `write_with_report`.
     """
-    document = {**judged_document(found, bounds, command, verdict), **more}
+    from nico_selfmodel.estimation.judging import judge, result_of, to_json
+    from nico_selfmodel.result_folder.writing import write_result
+
+    result = result_of(found)
+    verdict = verdict or judge(result, bounds.require_test_mm, bounds.require_test_px)
+    document = {**stamped(to_json(result, verdict), command), **more}
     progress("writing the result", 0, 1)
-    unseen = isinstance(output, NamedOutput) and output.no_report
-    report = NoReport(document) if unseen else draw(document)
-    write_with_report(output.out, model, report, force=output.force, **beside)
+    if isinstance(output, NamedOutput) and output.no_report:
+        write_result(output.out, model, document, force=output.force, **beside)
+    else:
+        write_with_report(output.out, model, draw(document), force=output.force, **beside)
     progress("writing the result", 1, 1)
     return document
 
 
 def write_with_report(
-    out: Path,
-    model: "SelfModel | BodyModel",
-    report: "Report | NoReport",
-    *,
-    robot: "ArmDescription | None" = None,
-    recordings: "Mapping[str, Dataset | BodyDataset] | None" = None,
-    shape: "BodyShape | None" = None,
-    force: bool = False,
+    out: Path, model: "SelfModel | BodyModel", report: "Report", **beside: Any
 ) -> None:
-    """Write self-model, `result.json`, report, scene, and the URDF of an arm, or nothing.
+    """Write a result folder with its report and scene, or nothing.
 
     Args:
         out: The folder to make.
         model: The self-model.
         report: With the content of `result.json`.
-        robot: The robot that the arm belongs to; the one that the model names if omitted.
-        recordings: Data sets to keep beside the result, in `recordings/<name>`.
-        shape: What the body looks like as it was learned, to keep in `body`.
-        force: Replace an existing folder.
+        beside: What else is kept, and whether by `force`, see `write_result`.
 
     Raises:
-        FileExistsError: If the folder exists and `force` is not set.
-        OSError: If it cannot be written.
-        ModelError: If the robot that the model names is gone, or has other joints.
-        SelfModelError: If Drake's page for scenes is not one that is known.
+        SelfModelError: If Drake's page for scenes is not one that is known; else as `write_result`.
     """
     from nico_selfmodel.result_folder.writing import write_result
 
-    texts = report.files()
-    write_result(
-        out, model, report.document, texts, recordings, robot=robot, shape=shape, force=force
-    )
+    write_result(out, model, report.document, report.files(), **beside)

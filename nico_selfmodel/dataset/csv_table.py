@@ -40,9 +40,6 @@ class CsvTable:
             path: The file; its first line names the columns.
             header: False if the first line is data already; the columns are then `column 1`, ...
 
-        Returns:
-            The table.
-
         Raises:
             DataError: If the file cannot be read, has another separator, no rows, a row of
                 another length or two columns of one name.
@@ -134,9 +131,6 @@ class CsvTable:
     def texts(self, column: str) -> npt.NDArray[np.str_]:
         """Return a column of text, stripped. Shape (N,).
 
-        Returns:
-            The texts.
-
         Raises:
             DataError: If there is no such column.
         """
@@ -147,9 +141,6 @@ class CsvTable:
 
     def integers(self, column: str) -> npt.NDArray[np.int64]:
         """Return a column of whole numbers. Shape (N,).
-
-        Returns:
-            The numbers.
 
         Raises:
             DataError: If there is no such column or a cell is not a whole number.
@@ -169,9 +160,6 @@ class CsvTable:
         Args:
             column: Its name.
             empty_allowed: Whether an empty cell is "not measured" (nan) or an error.
-
-        Returns:
-            The numbers.
 
         Raises:
             DataError: If there is no such column or a cell is not a finite number.

@@ -24,9 +24,6 @@ def load_dataset(folder: str | PathLike[str]) -> Dataset:
     Args:
         folder: The folder, with `dataset.yaml` and `samples.csv`.
 
-    Returns:
-        The data set.
-
     Raises:
         DataError: If anything is missing or not valid, or the data cannot be what they say (see
             `plausibility.check_as_read`); names file, line and column.

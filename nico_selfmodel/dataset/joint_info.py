@@ -82,9 +82,6 @@ class JointInfo:
             entry: The entry.
             where: Place for messages.
 
-        Returns:
-            The joint.
-
         Raises:
             DataError: If the entry is not valid.
         """

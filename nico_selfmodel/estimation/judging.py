@@ -90,10 +90,6 @@ def judge(
 def to_json(calibration: "Calibration", verdict: Verdict) -> dict[str, Any]:
     """Return the content of `result.json`; numbers that do not exist are null.
 
-    Args:
-        calibration: What was learned.
-        verdict: What is thought of it.
-
     Returns:
         A mapping of plain Python values.
     """

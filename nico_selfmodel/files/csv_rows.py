@@ -83,9 +83,6 @@ def number_of_word(word: str, where: str) -> float:
 def parse_number(cell: str) -> float:
     """Return the finite number in a cell, nan for an empty one.
 
-    Returns:
-        The number.
-
     Raises:
         ValueError: If the text is not a finite number.
     """

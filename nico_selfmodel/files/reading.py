@@ -42,9 +42,6 @@ def read_bytes(path: Path, most: int) -> bytes:
         path: The file, or a stream that a shell hands over (`<(command)`).
         most: Bytes that it may have.
 
-    Returns:
-        Its content.
-
     Raises:
         DataError: If it is missing, not readable, no regular file or larger.
     """
@@ -77,9 +74,6 @@ def read_text(path: Path, most: int) -> str:
     Args:
         path: The file.
         most: Bytes that it may have.
-
-    Returns:
-        Its text.
 
     Raises:
         DataError: If the file is missing, not readable, too large, not text in UTF-8 or empty.

@@ -17,9 +17,6 @@ SMALLEST, LARGEST = 1e-12, 1e12
 def read_yaml_mapping(path: Path) -> dict[str, Any]:
     """Read a YAML file whose top level is a mapping.
 
-    Returns:
-        The mapping.
-
     Raises:
         DataError: If the file cannot be read, is not YAML or holds something else.
     """
@@ -53,9 +50,6 @@ def text_value(mapping: Mapping[str, Any], key: str, where: str, default: str | 
         key: Its key.
         where: Place for the message.
         default: Value of an absent key; None makes the key compulsory.
-
-    Returns:
-        The text.
 
     Raises:
         DataError: If the key is missing or its value is not text.

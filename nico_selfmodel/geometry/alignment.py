@@ -33,9 +33,6 @@ class Alignment:
             target: Where they should land. Shape (n, 3).
             with_scale: Estimate the scale too.
 
-        Returns:
-            The alignment.
-
         Raises:
             ValueError: If the shapes differ, a point is not finite, or the source points are
                 collinear or coincide.

@@ -184,9 +184,9 @@ class BodyBeforeMirror:
     def _behind(self, q: NDArray) -> NDArray:
         """Return which markers the glass hides from which cameras. (N, cameras, markers)."""
         tree, motion = self.view.tree, TreeMotion.at(self.view.tree, self.view.posture(q))
-        p_WM = np.stack([motion.pose_of(m)[1].T for m in tree.markers], axis=1)
-        cameras = [motion.pose_of(sensor)[1].T[:, None] for sensor in tree.sensors]
-        return np.stack([self.glass.between(p, p_WM) for p in cameras], axis=1)
+        p_WM = motion.places(tree.markers)
+        cameras = np.split(motion.places(tree.sensors), len(tree.sensors), axis=1)
+        return np.stack([self.glass.between(p_WC, p_WM) for p_WC in cameras], axis=1)
 
     def _free(self, q: NDArray, markers: Sequence[str]) -> bool:
         """Return whether a pose touches nothing and hides no card's reflection, where it counts.
@@ -214,9 +214,7 @@ class BodyBeforeMirror:
 def _left_camera(view: BodyView) -> NDArray:
     """Return the pose of the first camera of a head that looks straight ahead. Shape (4, 4)."""
     tree = view.tree
-    motion = TreeMotion.at(tree, np.zeros((1, len(tree.joints))))
-    R, p = motion.pose_of(tree.sensors[0])
-    return transform(R[..., 0], p[..., 0])
+    return TreeMotion.at(tree, np.zeros((1, len(tree.joints)))).poses(tree.sensors[0])[0]
 
 
 def _upright(plane: Plane, X_WL: NDArray, middle: NDArray) -> NDArray:

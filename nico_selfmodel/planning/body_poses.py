@@ -68,7 +68,7 @@ class BodyView:
         """
         tree = self.tree
         motion = TreeMotion.at(tree, self.posture(q))
-        p_WM = np.stack([motion.pose_of(m)[1].T for m in tree.markers], axis=1)
+        p_WM = motion.places(tree.markers)
         out = self.presented(motion)
         for c, sensor in enumerate(tree.sensors):
             out[:, c] &= self.inside(sensor.name, *motion.pose_of(sensor), p_WM)

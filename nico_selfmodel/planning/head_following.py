@@ -94,7 +94,7 @@ class HeadFollowing:
         """
         tree, (names, fewest) = self.view.tree, self.beside
         room = [tree.marker_index(name) for name in names]
-        p_WM = np.stack([motion.pose_of(tree.markers[i])[1].T[poses] for i in room], axis=1)
+        p_WM = motion.places(tree.markers[i] for i in room)[poses]
         enough = np.ones(len(p_WM), dtype=bool)
         for sensor in tree.sensors:
             R, p = (part[..., poses] for part in motion.pose_of(sensor))

@@ -65,9 +65,6 @@ def plan_mirror_poses(
         pool: Random poses to choose from.
         candidates: Readings to choose from instead, as where a marker faces the glass. (P, n).
 
-    Returns:
-        The poses.
-
     Raises:
         EstimationError: If too few poses qualify; says what they fail.
         ModelError: If the model has no arm or no cameras.

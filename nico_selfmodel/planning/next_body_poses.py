@@ -18,7 +18,7 @@ from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_errors import told_as
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
-from nico_selfmodel.geometry.transform import apply, inverse, transform
+from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import WORLD
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
@@ -61,9 +61,6 @@ def choose_next_body_poses(
         rng: Source of the pool.
         criterion: `I` for the prediction of the marker, `D` for all parameters.
         marker: On a link of the body; the first one by default.
-
-    Returns:
-        The poses.
 
     Raises:
         DataError: If the data are of another body, or no pose is in view.
@@ -149,9 +146,8 @@ def _in_view(model: BodyModel, readings: NDArray, marker: int, cameras: Collecti
     for sensor in tree.sensors:
         if sensor.name not in cameras:
             continue
-        R, p = motion.pose_of(sensor)
         lens = tree.lenses[sensor.name].at(np.eye(4))
-        p_CM = apply(inverse(transform(R.transpose(2, 0, 1), p.T)), p_WM)
+        p_CM = apply(inverse(motion.poses(sensor)), p_WM)
         uv, size = lens.project(p_CM), np.array(lens.image_size, dtype=float)
         with np.errstate(invalid="ignore"):
             inside &= ((uv > _MARGIN * size) & (uv < (1.0 - _MARGIN) * size)).all(axis=1)

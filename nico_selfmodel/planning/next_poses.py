@@ -52,9 +52,6 @@ def choose_next_poses(
         criterion: `I` for the prediction of the hand, `D` for all parameters.
         marker: Tracked point; the first of the model by default.
 
-    Returns:
-        The poses.
-
     Raises:
         DataError: If the data are of other joints, units or images, or no pose is in view.
         NotIdentifiableError: If recorded and chosen poses do not determine the parameters.

@@ -175,9 +175,6 @@ def pose_plan(
         circle_poses: Poses on all circles together, home not counted.
         free: Free poses [encoder units]. Shape (K, n), K may be 0.
         home_repeats: How often home is visited.
-
-    Returns:
-        The plan.
     """
     home, ends = np.asarray(home, dtype=float), np.asarray(ends, dtype=float)
     n = len(joints)

@@ -194,9 +194,6 @@ def choose_poses(
             Shape (M, 3, p).
         given: Jacobians of poses that are recorded anyway, such as circles. Shape (G, k, p).
 
-    Returns:
-        The choice.
-
     Raises:
         NotIdentifiableError: If no choice determines the parameters.
         ValueError: If a shape, the number or the criterion is wrong.

@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset, ObservationTable
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
-from nico_selfmodel.dataset.body.sensors import CAMERA, MarkerInfo, SensorInfo
+from nico_selfmodel.dataset.body.of_tree import camera_infos, link_joints_of, marker_infos
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
-from nico_selfmodel.model.tree.body_tree import WORLD, BodyTree
+from nico_selfmodel.model.tree.body_tree import BodyTree
 from nico_selfmodel.model.tree.standing_mirror import StandingMirror
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.planning.pose_selection import choose_poses
@@ -90,29 +89,17 @@ def _with(tree: BodyTree, mirror: StandingMirror) -> BodyTree:
 
 def _recording(tree: BodyTree, q: NDArray, seen: Sequence[tuple[str, NDArray]]) -> BodyDataset:
     """Return what would be recorded at some poses, whatever its pixels were."""
-
-    def on(link: int) -> str:
-        return WORLD_NAME if link == WORLD else tree.joints[link]
-
     rows = [(name, np.argwhere(which)) for name, which in seen]
     pose, sensor, marker = np.concatenate([found for _, found in rows]).T
     values = np.full((len(pose), 6), np.nan)
     values[:, :2] = 0.0
     names = np.concatenate([np.full(len(found), name) for name, found in rows])
     table = ObservationTable(pose, sensor, marker, np.full(len(pose), -1), values, names)
-    joints = (
-        LinkJoint(joint, on(int(parent)), encoder_unit="rad")
-        for joint, parent in zip(tree.joints, tree.parent, strict=True)
-    )
-    sensors = (
-        SensorInfo(s.name, CAMERA, on(s.on), image_size=tree.lenses[s.name].image_size)
-        for s in tree.sensors
-    )
     return BodyDataset(
         "planned",
-        tuple(joints),
-        tuple(MarkerInfo(m.name, on(m.on)) for m in tree.markers),
-        tuple(sensors),
+        link_joints_of(tree),
+        marker_infos(tree),
+        camera_infos(tree),
         np.arange(len(q)),
         q,
         table,

@@ -11,11 +11,11 @@ from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint
 
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint, parents_of
+from nico_selfmodel.dataset.body.link_joint import LinkJoint, parents_of
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.tree.body_tree import REVOLUTE, WORLD, Attached, BodyTree
+from nico_selfmodel.model.tree.body_tree import REVOLUTE, WORLD, WORLD_NAME, Attached, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import listed
 from nico_selfmodel.plant.described_body import described_body

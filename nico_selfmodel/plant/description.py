@@ -93,9 +93,6 @@ class ArmDescription:
             held: Joints that stand still, and their values [rad or m].
             points: Marker -> name of a link or frame; `hand` at the tip link if omitted.
 
-        Returns:
-            The description.
-
         Raises:
             ModelError: If the file cannot be read, a name is not in it, there is no chain of
                 revolute joints between the links, or one of its joints follows another (mimic).

@@ -85,9 +85,6 @@ def named_arm(robot: str, arm: str | None = None) -> NamedArm:
         robot: A name in `ROBOTS`.
         arm: A name among the robot's arms; its first one if omitted.
 
-    Returns:
-        The arm.
-
     Raises:
         ModelError: If there is no such robot or arm; the message lists those there are.
     """

@@ -1,6 +1,7 @@
 """What every result folder holds, written whole or not at all."""
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -19,12 +20,6 @@ if TYPE_CHECKING:
     from nico_selfmodel.model.shape.link_shape import BodyShape
     from nico_selfmodel.model.tree.body_model import BodyModel
     from nico_selfmodel.plant import ArmDescription
-import re
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from nico_selfmodel.plant import ArmDescription
-
 
 _LONGEST_NAME = 200  # of a robot in that of a file [bytes]
 

@@ -55,9 +55,6 @@ class ArmLoop(ClosedAtEnd):
     def start(self, timeout: float = _PATIENCE) -> ArmState:
         """Start the thread and wait for the first complete reading.
 
-        Returns:
-            The first state.
-
         Raises:
             RobotError: If it fails, or does not come in time.
         """

@@ -10,12 +10,11 @@ from dataclasses import replace
 import numpy as np
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
+from nico_selfmodel.dataset.body.of_tree import link_joints_of
 from nico_selfmodel.dataset.body.sensors import MarkerInfo
 from nico_selfmodel.estimation.tree.tree_errors import errors_of
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.tree.body_tree import WORLD, Attached, BodyTree
-from nico_selfmodel.sessions.whole_body import link_joints_of
+from nico_selfmodel.model.tree.body_tree import WORLD, WORLD_NAME, Attached, BodyTree
 from nico_selfmodel.systems.rendering.station_scene import CARD
 from nico_selfmodel.systems.stations.whole_nico import WholeNico
 from nico_selfmodel.systems.tracking.shared_search import corner_names
@@ -40,7 +39,7 @@ def mechanics_left(nico: WholeNico, data: BodyDataset) -> Mapping[str, float]:
     q = mechanics.expected_angles(data.readings)
     asked = replace(
         data,
-        joints=tuple(link_joints_of(truth)),
+        joints=link_joints_of(truth),
         readings=np.vstack([mechanics.posture(row) for row in q]),
         flanges=None,
         approach=None,

@@ -79,9 +79,6 @@ class Recording(ABC):
             keep_images: Keep the pictures in the folder.
             progress: Called after each pose.
 
-        Returns:
-            The data set.
-
         Raises:
             RobotError: If the robot fails; what was recorded so far is in `partial`.
             DataError: If the folder holds something else, or nothing was seen at all.

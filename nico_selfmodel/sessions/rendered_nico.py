@@ -127,9 +127,6 @@ class RenderedNico:
             poses: Visited instead of random ones [encoder units]. Shape (N, n).
             progress: Called after each pose.
 
-        Returns:
-            The data set.
-
         Raises:
             ValueError: If a given pose lies beyond a joint's stop.
         """
@@ -167,9 +164,6 @@ class RenderedNico:
             session: Which day.
             folder: Where to keep the pictures, as `left01.png` and `right01.png`; it must exist.
             progress: Called after each view.
-
-        Returns:
-            The corners.
 
         Raises:
             DataError: If the board is hardly ever found.

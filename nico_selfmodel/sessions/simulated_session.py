@@ -41,9 +41,6 @@ def simulated_session(
         poses: Visited instead of random ones [encoder units]. Shape (N, n).
         progress: Called after each pose.
 
-    Returns:
-        The data set.
-
     Raises:
         ValueError: If a given pose lies beyond a joint's stop.
     """

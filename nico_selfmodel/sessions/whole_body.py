@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.conversion import tree_dataset_of
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
-from nico_selfmodel.dataset.body.sensors import CAMERA, MarkerInfo, SensorInfo
+from nico_selfmodel.dataset.body.conversion import tree_dataset_of, with_lenses
+from nico_selfmodel.dataset.body.of_tree import camera_infos, link_joints_of, marker_infos
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_tree import WORLD, Attached, BodyTree
@@ -124,45 +124,17 @@ def whole_body_session(
         seed=seed,
         progress=progress,
     )
-    return tree_dataset_of(
-        dataset, link_joints_of(tree), marker_infos(tree, room), camera_infos(tree)
-    )
+    return seen_by(tree, room, dataset)
+
+
+def seen_by(tree: BodyTree, room: Mapping[str, NDArray], dataset: Dataset) -> BodyDataset:
+    """Return what a body saw of itself and of a room, its lenses told as they are."""
+    infos = link_joints_of(tree), marker_infos(tree, room), camera_infos(tree)
+    return with_lenses(tree_dataset_of(dataset, *infos), tree.lenses)
 
 
 def attached_in_room(room: Mapping[str, NDArray]) -> list[Attached]:
     """Return markers fixed in the room, by their places [m]. Shape (3,) each."""
     return [
         Attached(name, WORLD, transform(np.eye(3), p), oriented=False) for name, p in room.items()
-    ]
-
-
-def _on(tree: BodyTree, on: int) -> str:
-    return WORLD_NAME if on == WORLD else tree.joints[on]
-
-
-def link_joints_of(tree: BodyTree) -> list[LinkJoint]:
-    """Return what carries each joint of a body."""
-    return [
-        LinkJoint(name, _on(tree, parent))
-        for name, parent in zip(tree.joints, tree.parent.tolist(), strict=True)
-    ]
-
-
-def marker_infos(tree: BodyTree, room: Mapping[str, NDArray]) -> list[MarkerInfo]:
-    """Return what carries each marker of a body, and where those of the room are [m]."""
-    known = {name: (float(p[0]), float(p[1]), float(p[2])) for name, p in room.items()}
-    return [MarkerInfo(m.name, _on(tree, m.on), known.get(m.name)) for m in tree.markers]
-
-
-def camera_infos(tree: BodyTree) -> list[SensorInfo]:
-    """Return the cameras of a body with their lenses."""
-    return [
-        SensorInfo(
-            sensor.name,
-            CAMERA,
-            _on(tree, sensor.on),
-            image_size=tree.lenses[sensor.name].image_size,
-            lens=dict(tree.lenses[sensor.name].named_values),
-        )
-        for sensor in tree.sensors
     ]

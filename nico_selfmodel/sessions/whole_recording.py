@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.conversion import tree_dataset_of
+from nico_selfmodel.dataset.body.conversion import tree_dataset_of, with_lenses
+from nico_selfmodel.dataset.body.of_tree import camera_infos, link_joints_of, marker_infos
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.geometry.transform import transform
@@ -22,13 +23,7 @@ from nico_selfmodel.planning.known_head import with_known_head
 from nico_selfmodel.planning.plans import angles_of_commands, commands_of_angles
 from nico_selfmodel.planning.visible_workspace import RENDERED
 from nico_selfmodel.plant.body_description import BodyDescription
-from nico_selfmodel.sessions.whole_body import (
-    IN_ROOM,
-    camera_infos,
-    cards_about_nico,
-    link_joints_of,
-    marker_infos,
-)
+from nico_selfmodel.sessions.whole_body import IN_ROOM, cards_about_nico
 from nico_selfmodel.systems.looking import ARM_JOINTS, HEAD_JOINTS, looking_body
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.stations.nico_detectors import room_detectors, room_mirror_detectors
@@ -174,16 +169,5 @@ class WholeRecording:
         tracked = [replace(one, name=name) for one, name in zip(on, self.tracked, strict=True)]
         infos = marker_infos(tree.with_markers(tuple(tracked)), self.room)
         links = [link for link in link_joints_of(tree) if link.name in self.body.joints]
-        cameras = [replace(info, lens=None) for info in camera_infos(tree)]
-        found = tree_dataset_of(data, links, infos, cameras)
+        found = tree_dataset_of(data, links, infos, camera_infos(tree))
         return found if lenses is None else with_lenses(found, lenses)
-
-
-def with_lenses(data: BodyDataset, lenses: Mapping[str, Camera]) -> BodyDataset:
-    """Return a recording whose cameras have lenses that are known, by their names."""
-    return replace(
-        data,
-        sensors=tuple(
-            replace(info, lens=dict(lenses[info.name].named_values)) for info in data.sensors
-        ),
-    )

@@ -82,9 +82,6 @@ def images_of(paths: Iterable[str | Path]) -> list[Path]:
     Args:
         paths: Files, taken as they are, and folders, whose images are taken.
 
-    Returns:
-        Paths.
-
     Raises:
         DataError: If a folder or file is missing, or a folder holds no images.
     """

@@ -23,9 +23,6 @@ _CELL, _CARD_CELL, _SQUARE = 48, 24, 64
 def fiducial_png(marker: int) -> bytes:
     """Print a marker of the usual family with a white zone of one cell around it.
 
-    Args:
-        marker: Its id.
-
     Returns:
         A PNG, square, two cells wider than the marker.
 

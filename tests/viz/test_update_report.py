@@ -209,12 +209,9 @@ def test_measured_points_make_a_page_too(model):
 def test_the_folder_holds_model_numbers_report_scene_and_urdf(tool, tmp_path):
     evaluation, _, document = tool
     folder = tmp_path / "held"
-    report = update_report(evaluation, document)
-    write_with_report(folder, evaluation.after, report)
+    write_with_report(folder, evaluation.after, update_report(evaluation, document))
     names = {path.name for path in folder.iterdir()}
     assert {"self_model.yaml", "result.json", "report.html", "scene.json"} <= names
     assert json.loads((folder / "result.json").read_text()) == document
     assert load_model(folder).markers == ("hand", "driver")
     assert load_scene(folder).paths == update_scene(evaluation).paths
-    with pytest.raises(FileExistsError):
-        write_with_report(folder, evaluation.after, report)

@@ -6,10 +6,10 @@ import numpy as np
 
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.dataset.body.body_dataset import WIDTH, BodyDataset, ObservationTable
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
+from nico_selfmodel.dataset.body.link_joint import LinkJoint
 from nico_selfmodel.dataset.body.sensors import CAMERA, MarkerInfo
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.model.tree.body_tree import FREE
+from nico_selfmodel.model.tree.body_tree import FREE, WORLD_NAME
 from nico_selfmodel.names import listed
 
 BOARD = "board"

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.arrays import read_only
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint, coupling_of, parents_of
+from nico_selfmodel.dataset.body.link_joint import LinkJoint, coupling_of, parents_of
 from nico_selfmodel.dataset.body.sensors import (
     CAMERA,
     PAIRS,
@@ -21,7 +21,7 @@ from nico_selfmodel.dataset.poses import mean_of_visits, pose_numbers
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vectors_of
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, WORLD
+from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, WORLD, WORLD_NAME
 from nico_selfmodel.names import check_name, listed
 
 WIDTH = 6

@@ -18,7 +18,7 @@ from nico_selfmodel.dataset.body.body_dataset import (
     ObservationTable,
     check_names,
 )
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
+from nico_selfmodel.dataset.body.link_joint import LinkJoint
 from nico_selfmodel.dataset.body.plausible_body import check_plausible_body
 from nico_selfmodel.dataset.body.sensors import SENSOR_COLUMNS, MarkerInfo, SensorInfo
 from nico_selfmodel.dataset.columns import APPROACH, ENCODER
@@ -37,7 +37,7 @@ from nico_selfmodel.files.yaml_mapping import (
 )
 from nico_selfmodel.files.yaml_text import yaml_text
 from nico_selfmodel.geometry.rotation import rotation_from_quaternion, rotation_vectors_of
-from nico_selfmodel.model.tree.body_tree import FLANGE
+from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD_NAME
 from nico_selfmodel.names import listed, shown
 
 FORMAT = "nico-dataset/2"
@@ -59,9 +59,6 @@ def load_body_dataset(folder: str | PathLike[str]) -> BodyDataset:
 
     Args:
         folder: With `dataset.yaml`, `poses.csv` and `observations.csv`.
-
-    Returns:
-        The recording.
 
     Raises:
         DataError: If anything is missing, not valid or not plausible; names file, line and column.

@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import WIDTH, BodyDataset, ObservationTable
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
+from nico_selfmodel.dataset.body.link_joint import LinkJoint
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, MarkerInfo, SensorInfo
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL
+from nico_selfmodel.model.tree.body_tree import WORLD_NAME
 from nico_selfmodel.names import listed
 
 TRACKER, SIDES = "tracker", ("left", "right")
@@ -130,6 +131,16 @@ def tree_dataset_of(
         approach=dataset.approach[lead],
         source=dataset.source,
         seed=dataset.seed,
+    )
+
+
+def with_lenses(data: BodyDataset, lenses: Mapping[str, Camera]) -> BodyDataset:
+    """Return a recording whose cameras have lenses that are known, by their names."""
+    return replace(
+        data,
+        sensors=tuple(
+            replace(info, lens=dict(lenses[info.name].named_values)) for info in data.sensors
+        ),
     )
 
 

@@ -18,11 +18,10 @@ from nico_selfmodel.model.tree.body_tree import (
     REVOLUTE,
     WHOLE_POSES,
     WORLD,
+    WORLD_NAME,
 )
 from nico_selfmodel.names import check_name, listed, shown
 
-WORLD_NAME = "world"
-"""What is `on` no link says so."""
 _POSE = "pose"
 """Unit of joints that no encoder reads: metres and radians of their whole poses."""
 UNITS = {

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
+from nico_selfmodel.dataset.body.link_joint import LinkJoint
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.yaml_mapping import check_keys, number_value, text_value
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_of
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import LENSES, POLYNOMIAL, intrinsics_of
-from nico_selfmodel.model.tree.body_tree import FREE
+from nico_selfmodel.model.tree.body_tree import FREE, WORLD_NAME
 from nico_selfmodel.names import check_name, listed, shown
 
 POINTS, POSES, CAMERA = "points", "poses", "camera"

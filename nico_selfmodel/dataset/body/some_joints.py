@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.model.tree.body_tree import WORLD_NAME
 from nico_selfmodel.names import listed
 
 

@@ -51,11 +51,7 @@ _ASKED = 500
 
 
 def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
-    """Return what speaks for and against a learned arm beyond what every calibration is asked.
-
-    Args:
-        calibration: What was learned.
-    """
+    """Return what speaks for and against a learned arm beyond what every calibration is asked."""
     misfit = _misfit_reason(calibration)
     explained = misfit is None and not calibration.causes.words
     exchanged = _exchanged_words(calibration)

@@ -27,11 +27,7 @@ _TERMS = Terms(
 
 
 def arm_result(calibration: KinematicCalibration) -> CalibrationResult:
-    """Return a learned arm with all that it is judged by and that is written down of it.
-
-    Args:
-        calibration: What was learned.
-    """
+    """Return a learned arm with all that it is judged by and that is written down of it."""
     rows, outliers, known = calibration.train.observations, calibration.outliers, None
     if calibration.uncertainty is not None:
         known = calibration.uncertainty.unobservable

@@ -85,9 +85,6 @@ class KinematicTask:
             starts: Random starts allowed.
             seed: Of the random starts and of the circles' outlier search.
 
-        Returns:
-            The task.
-
         Raises:
             DataError: If the data set has no measured point.
             ValueError: If the robot has other joints.
@@ -253,10 +250,6 @@ def _witnesses(observations: Observations) -> NDArray:
 
 def sweeps_of(dataset: Dataset, observations: Observations) -> list[Sweep]:
     """Return marked sweeps, and for joints without any those found in the encoders.
-
-    Args:
-        dataset: The data.
-        observations: Its measured points.
 
     Returns:
         Sweeps of every marker; their rows index `observations`.

@@ -64,9 +64,6 @@ def refine_named(
         sigma: Whitening of the residuals [m].
         loss: One of `optimization.robust_solve.ROBUST_METHODS`.
 
-    Returns:
-        The solution.
-
     Raises:
         NotConvergedError: If the pins contradict the data so much that a gear turns negative.
     """

@@ -263,10 +263,6 @@ class Climber:
         Held near zero by its evidence, it costs unseen poses nothing; without it joint noise takes
         its place, and what is told of unseen poses is too sure. The odds that it is there are its
         evidence, exp(worth / 2).
-
-        Args:
-            effects: What was asked for.
-            steps: What became of them.
         """
         rest = [e for e in effects if e not in self.kept and self._may_be(e)]
         if not self.kept:

@@ -29,12 +29,7 @@ _LARGEST_GEAR = 0.01
 
 
 def implausible(fit: EffectFit, body: Bendable) -> str:
-    """Say why a fit is no bend; empty where it may be one.
-
-    Args:
-        fit: Of a body with effects.
-        body: What was measured of it.
-    """
+    """Say why a fit is no bend; empty where it may be one."""
     bent = fit.parameters.with_values(fit.values)
     if np.any(bent.gears <= 0.0):
         return "a gear would turn negative"

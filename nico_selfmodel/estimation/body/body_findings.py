@@ -27,9 +27,6 @@ def body_findings(calibration: BodyCalibration) -> tuple[Finding, ...]:
     """Return what speaks for and against a body beyond what every calibration is asked.
 
     Above all whether the cameras measure boards worse than before, or lost their scale.
-
-    Args:
-        calibration: What was learned.
     """
     test = calibration.test
     failures = [

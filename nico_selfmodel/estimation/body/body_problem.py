@@ -197,7 +197,7 @@ def lines_of_tree(tree: BodyTree, zero: NDArray, markers: tuple[str, ...]) -> Ar
     n, count = len(zero), len(tree.joints)
     readings = np.pad(zero, (0, count - n))[None]
     motion = TreeMotion.at(tree, readings, np.tile(np.eye(4), (1, count, 1, 1)))
-    p = np.stack([motion.pose_of(marker)[1][:, 0] for marker in tree.markers[: len(markers)]])
+    p = motion.places(tree.markers[: len(markers)])[0]
     axes, points = motion.R_WJ[:n, :, 2, 0], motion.p_WJ[:n, :, 0]
     return ArmEstimate(Chain(tree.joints[:n], axes, points, markers, p), tree.gear[:n], zero)
 

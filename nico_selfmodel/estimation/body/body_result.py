@@ -33,11 +33,7 @@ _TERMS = Terms(
 
 
 def body_result(calibration: BodyCalibration) -> CalibrationResult:
-    """Return a body with all that it is judged by and that is written down of it.
-
-    Args:
-        calibration: What was learned.
-    """
+    """Return a body with all that it is judged by and that is written down of it."""
     outliers, crossed = calibration.outliers, calibration.cross_validation
     samples = calibration.train.observations.arm.sample[outliers]
     return CalibrationResult(
@@ -61,11 +57,7 @@ def body_result(calibration: BodyCalibration) -> CalibrationResult:
 
 
 def pixel_errors(evaluation: PixelEvaluation) -> Errors:
-    """Return errors in the images and against the cameras' own reconstruction.
-
-    Args:
-        evaluation: Predictions beside what was seen.
-    """
+    """Return errors in the images and against the cameras' own reconstruction."""
     return Errors(
         evaluation.distances,
         evaluation.pixel_distances,

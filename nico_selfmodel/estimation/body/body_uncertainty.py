@@ -17,10 +17,6 @@ from nico_selfmodel.optimization.uncertainty import Uncertainty, scales_by_prior
 def body_uncertainty(found: TreeBend, observations: PixelObservations) -> Uncertainty:
     """Analyse what counts at a solution.
 
-    Args:
-        found: A solution by name.
-        observations: The hand's pixels.
-
     Returns:
         Covariance in the names of arm and cameras, the boards' poses eliminated.
     """

@@ -55,10 +55,6 @@ class Reconstruction:
         which sights meet nowhere, as where a lens is extrapolated, cannot be rebuilt: it is left
         out.
 
-        Args:
-            rig: The cameras.
-            views: Corners in both cameras.
-
         Returns:
             The rebuilt boards; none where no board was seen whole by both.
         """
@@ -184,12 +180,7 @@ class PairAccuracy:
 
 
 def pairs_of(calibration: CameraCalibration, shown: BoardViews) -> tuple[PairAccuracy, ...]:
-    """Return every pair of cameras that saw a board at once.
-
-    Args:
-        calibration: What was learned.
-        shown: The boards that are rebuilt.
-    """
+    """Return every pair of cameras that saw a board at once."""
     found = (
         PairAccuracy.of(calibration, link, shown)
         for link in combinations(calibration.views.cameras, 2)
@@ -199,10 +190,6 @@ def pairs_of(calibration: CameraCalibration, shown: BoardViews) -> tuple[PairAcc
 
 def epipolar_errors(rig: StereoRig, views: BoardViews) -> NDArray:
     """Return distances of the corners from the other camera's epipolar lines [px].
-
-    Args:
-        rig: The cameras.
-        views: Corners in both cameras.
 
     Returns:
         In the left and the right image, nan where a camera did not see the corner or its lens has

@@ -86,9 +86,6 @@ class CameraAssessment:
             decentred: `LensChoice.decentred`.
             left_out: `LensChoice.left_out`, which is taken where no board was an outlier.
 
-        Returns:
-            The assessment.
-
         Raises:
             DataError, EstimationError, ModelError: If the known cameras cannot have seen them.
         """

@@ -104,11 +104,6 @@ def cameras_of_fewer(
 
     Of the losses that trim nothing or boards, the boards that all told to be outliers are.
 
-    Args:
-        calibration: Of all views.
-        views: Some of them.
-        options: As it was made.
-
     Raises:
         NotConvergedError: If a camera that cannot be comes out.
     """

@@ -45,11 +45,7 @@ a detector's corner lies within, whatever its window holds."""
 
 
 def camera_findings(assessment: CameraAssessment) -> tuple[Finding, ...]:
-    """Return what speaks for and against cameras beyond what every calibration is asked.
-
-    Args:
-        assessment: What they are worth.
-    """
+    """Return what speaks for and against cameras beyond what every calibration is asked."""
     far, judged = _far_out(assessment)
     failures = [
         *(
@@ -168,9 +164,6 @@ def boards_apart(calibration: CameraCalibration) -> list[Finding]:
     """Say where boards fit each camera by itself and not all together.
 
     The mean over views of the ratio of both mean squares, one corner that is far off being in both.
-
-    Args:
-        calibration: What was learned.
     """
     seen = calibration.views.seen
     shared = ~calibration.outliers & (seen.any(axis=2).sum(axis=1) > 1)

@@ -69,9 +69,6 @@ def fisheye_start(views: BoardViews) -> tuple[Camera, NDArray]:
 
     Corners that are straightened with the right focal length lie in a plane's homography.
 
-    Args:
-        views: What one camera saw.
-
     Returns:
         A fisheye without further bends at the world's origin, and X_CG of every board, (V, 4, 4).
 

@@ -140,11 +140,7 @@ def _of_pair(assessment: CameraAssessment, pair: PairAccuracy) -> dict[str, Any]
 
 
 def rebuilt_block(found: Reconstruction) -> dict[str, Any]:
-    """Return how true boards were that two cameras rebuilt.
-
-    Args:
-        found: The boards.
-    """
+    """Return how true boards were that two cameras rebuilt."""
     statistics = ErrorStatistics.from_distances(found.errors.ravel())
     return {
         "boards": len(found.views),

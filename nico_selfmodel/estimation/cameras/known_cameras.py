@@ -61,10 +61,6 @@ class KnownCameras:
         """Return errors as they were and every number's change, as `result.json` has them.
 
         Numbers of lenses of two kinds are not compared.
-
-        Args:
-            learned: The cameras as learned.
-            names: Parameters to compare.
         """
         before, now = self.model.cameras, learned.cameras
         others = {n for n, camera in now.items() if before[n].lens != camera.lens}
@@ -116,10 +112,6 @@ def other_scale(known: KnownCameras, calibration: CameraCalibration) -> str | No
 
 def cameras_for(model: SelfModel, views: BoardViews) -> tuple[Camera, ...]:
     """Return the cameras that saw some boards, the first one at the world.
-
-    Args:
-        model: A self-model with them.
-        views: Boards.
 
     Raises:
         ModelError: If it lacks a camera.

@@ -194,10 +194,6 @@ def _voted(views: BoardViews, poses: tuple[NDArray, NDArray]) -> NDArray:
 def _moves(views: BoardViews, view: int) -> NDArray:
     """Return moves of the board, from its place in the second camera to that in the first.
 
-    Args:
-        views: Of two cameras.
-        view: One of them.
-
     Returns:
         Shape (k, 4, 4).
     """

@@ -18,9 +18,6 @@ Placed = tuple[Camera, NDArray]
 def rig_links(views: BoardViews) -> tuple[tuple[str, str], ...]:
     """Return pairs that connect every camera to the first, of most boards in common (Prim's tree).
 
-    Args:
-        views: Corners.
-
     Returns:
         A camera that is connected, and the next one; in this order they can be placed.
 

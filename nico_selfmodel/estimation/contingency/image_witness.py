@@ -77,10 +77,6 @@ def tell_image(seen: HandImages, model: SelfModel) -> ImageVerdict:
     itself. Otherwise it is a mirror where the image is turned round and a mirror's plane explains
     it; and another where it is not turned round.
 
-    Args:
-        seen: The image in several poses.
-        model: Arm and cameras.
-
     Raises:
         ModelError: If the model has no arm or no pair of cameras.
     """

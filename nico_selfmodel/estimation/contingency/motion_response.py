@@ -74,9 +74,6 @@ def learn_response(
         period: Time between two pictures [s].
         longest: Delay to look for [s].
 
-    Returns:
-        The response.
-
     Raises:
         NotIdentifiableError: If the motion does not tell the delay, or what is seen does not follow
             the encoders.

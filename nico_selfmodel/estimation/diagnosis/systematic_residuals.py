@@ -48,11 +48,6 @@ def systematic_patterns(
 ) -> tuple[Pattern, ...]:
     """Name what the residuals depend on.
 
-    Args:
-        observations: What was measured.
-        parameters: The arm at its solution.
-        test: Residuals there.
-
     Returns:
         Patterns that noise does not make, the surest first.
     """

@@ -168,9 +168,6 @@ def _tracker_noise(observations: Observations) -> float | None:
 def distances_between(observations: Observations) -> dict[tuple[int, int], NDArray]:
     """Return the distances of two markers in all samples that have both, of pairs seen often [m].
 
-    Args:
-        observations: What was measured.
-
     Returns:
         By the markers' indices; each of shape (samples with both,).
     """

@@ -54,9 +54,6 @@ def fit_mirror_cameras(reflections: Reflections) -> MirrorCameras:
     Args:
         reflections: Of one mirror, seen by both cameras.
 
-    Returns:
-        The cameras.
-
     Raises:
         NotIdentifiableError: If fewer than `FEWEST_ROWS` rows were seen by both cameras.
     """

@@ -35,9 +35,6 @@ class MirrorEvaluation:
         Args:
             reflections: What was seen.
             mirrors: In the order of `reflections.mirrors`.
-
-        Returns:
-            The evaluation.
         """
         shown = project_reflections(reflections, values_of(mirrors)).pixels
         virtual, rebuilt = virtual_points(reflections), np.full((len(reflections), 3), np.nan)
@@ -84,9 +81,6 @@ class MirrorEvaluation:
 
 def cross_validate_mirrors(solution: MirrorSolution) -> MirrorEvaluation | None:
     """Predict each fifth of the poses from planes learned on the rest, outliers left out.
-
-    Args:
-        solution: Planes of all inliers.
 
     Returns:
         The inliers, each predicted without its fold; None where a mirror has one pose alone.

@@ -26,11 +26,7 @@ _ONE_POINT = 0.01
 
 
 def mirror_findings(calibration: MirrorCalibration) -> tuple[Finding, ...]:
-    """Return what speaks for and against mirrors beyond what every calibration is asked.
-
-    Args:
-        calibration: What was learned.
-    """
+    """Return what speaks for and against mirrors beyond what every calibration is asked."""
     change = calibration.change
     moved = None if change is None else change.reason
     failures = [
@@ -52,12 +48,7 @@ def mirror_findings(calibration: MirrorCalibration) -> tuple[Finding, ...]:
 
 
 def judged(calibration: MirrorCalibration, verdict: Verdict) -> MirrorCalibration:
-    """Return a calibration whose self-model says which of its mirrors failed, and why.
-
-    Args:
-        calibration: What was learned.
-        verdict: What is thought of it.
-    """
+    """Return a calibration whose self-model says which of its mirrors failed, and why."""
     model, names = calibration.model, tuple(calibration.mirrors)
     known = model.fit.get(MIRROR_FAILURES) or {}
     failures = {name: reason for name, reason in known.items() if name not in names}

@@ -22,9 +22,6 @@ def start_plane(reflections: Reflections) -> Plane:
     the normal is a unit vector before the offset is taken, and the direction is not a mean of
     vectors that long ones rule). One camera alone has the law of reflection instead.
 
-    Args:
-        reflections: Of one mirror.
-
     Returns:
         The plane in the frame of the first camera.
 
@@ -92,9 +89,6 @@ def _law_of_reflection(reflections: Reflections) -> Plane:
 
 def virtual_points(reflections: Reflections) -> NDArray:
     """Rebuild reflections behind the glass, where both cameras saw them.
-
-    Args:
-        reflections: Of any mirrors.
 
     Returns:
         Points in the frame of the first camera [m]; nan where one camera missed it or its pixel has

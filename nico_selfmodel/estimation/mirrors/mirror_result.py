@@ -27,11 +27,7 @@ _TERMS = Terms(
 
 
 def mirror_result(calibration: MirrorCalibration) -> CalibrationResult:
-    """Return mirrors with all that they are judged by and that is written down of them.
-
-    Args:
-        calibration: What was learned.
-    """
+    """Return mirrors with all that they are judged by and that is written down of them."""
     solution, crossed = calibration.solution, calibration.cross_validation
     return CalibrationResult(
         method="mirror",

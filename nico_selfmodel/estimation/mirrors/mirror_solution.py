@@ -70,9 +70,6 @@ class MirrorSolution:
 def start_mirrors(reflections: Reflections) -> tuple[Mirror, ...]:
     """Place every mirror in closed form.
 
-    Args:
-        reflections: Of all mirrors.
-
     Returns:
         Planes without covariance, in the order of `reflections.mirrors`.
 
@@ -107,9 +104,6 @@ def solve_mirrors(
         noise: Of pixels and joints; with the arm's own covariance it whitens each row.
         loss: One of `optimization.robust_solve.ROBUST_METHODS`, per row; plain least squares where
             a mirror has too few rows to tell which is wrong.
-
-    Returns:
-        The solution.
 
     Raises:
         NotConvergedError: If a plane behind the left camera comes out.

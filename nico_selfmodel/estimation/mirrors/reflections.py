@@ -168,9 +168,6 @@ def known_points(dataset: Dataset, model: SelfModel, rows: NDArray) -> KnownPoin
         model: The body, with arm and cameras.
         rows: Indices. Shape (N,).
 
-    Returns:
-        The points.
-
     Raises:
         DataError: If joints, units or markers are not the model's.
         ModelError: If the model has no arm or no cameras.

@@ -116,10 +116,6 @@ def body_contradictions(model: BodyModel, data: BodyDataset) -> Contradictions |
 
     What is off on its own, as a wrong label is, does not count.
 
-    Args:
-        model: The body.
-        data: A recording of it.
-
     Returns:
         None where the body does not say a sensor's noise, where boards move freely, or nothing was
         seen.
@@ -140,10 +136,6 @@ def white_poses(model: BodyModel, data: BodyDataset) -> tuple[PoseResiduals, NDA
 
     Coordinates and joint angles are taken in their own standard deviations, so that metres, pixels
     and turns stand side by side.
-
-    Args:
-        model: The body.
-        data: The recording.
 
     Returns:
         Residuals by pose, noise of sensors and joints being 1, and how many detections each pose

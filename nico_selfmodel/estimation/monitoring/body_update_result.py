@@ -25,11 +25,7 @@ from nico_selfmodel.names import listed
 
 
 def body_update_result(update: BodyUpdate) -> CalibrationResult:
-    """Return parameters that were learned anew with all that they are judged by.
-
-    Args:
-        update: What was learned.
-    """
+    """Return parameters that were learned anew with all that they are judged by."""
     learned, anew = tree_result(update.found), update.anew
     words = update_words(anew.misfit, anew.expected)
     broken = (
@@ -61,13 +57,7 @@ def body_update_result(update: BodyUpdate) -> CalibrationResult:
 
 
 def left_by_cause(model: BodyModel, data: BodyDataset, report: HealthReport) -> str | None:
-    """Return what the likeliest cause leaves unexplained, in words; None where it explains all.
-
-    Args:
-        model: The body as it was.
-        data: The recording that was checked.
-        report: What was found in it.
-    """
+    """Return what the likeliest cause leaves unexplained, in words; None where it explains all."""
     if not report.diagnoses:
         return None
     try:

@@ -17,12 +17,6 @@ def relearn_cause(
 ) -> BlockUpdate:
     """Learn the parameters anew that a health report blames, from the observations since.
 
-    Args:
-        model: The body as it was.
-        dataset: The data that were checked.
-        report: What was found in them.
-        sensor: As they were checked.
-
     Returns:
         The body with just that learned.
 
@@ -40,14 +34,7 @@ def relearn_cause(
 def left_by_cause(
     model: SelfModel, dataset: Dataset, report: HealthReport, sensor: str = "auto"
 ) -> str | None:
-    """Return what the likeliest cause leaves unexplained, in words; None where it explains all.
-
-    Args:
-        model: The body as it was.
-        dataset: The data that were checked.
-        report: What was found in them.
-        sensor: As they were checked.
-    """
+    """Return what the likeliest cause leaves unexplained, in words; None where it explains all."""
     if not report.diagnoses:
         return None
     try:

@@ -50,9 +50,6 @@ class Observations:
             dataset: The data.
             markers: Only these tracked points, in this order; all by default.
 
-        Returns:
-            The observations.
-
         Raises:
             DataError: If no row has a measured point.
         """

@@ -35,9 +35,6 @@ class PixelObservations:
             dataset: The data.
             markers: Only these tracked points, in this order; all by default.
 
-        Returns:
-            The observations.
-
         Raises:
             DataError: If no row has pixels.
         """

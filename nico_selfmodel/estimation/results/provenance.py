@@ -11,9 +11,6 @@ from nico_selfmodel.dataset.folder import content_hash
 def data_named(dataset: Dataset) -> dict[str, Any]:
     """Return what a self-model remembers of the data set that it was learned from.
 
-    Args:
-        dataset: The data.
-
     Returns:
         Name and hash, and the seed of a simulated body.
     """

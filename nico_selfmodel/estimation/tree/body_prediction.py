@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset, ObservationTable
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
-from nico_selfmodel.dataset.body.sensors import POINTS, MarkerInfo, SensorInfo
+from nico_selfmodel.dataset.body.of_tree import link_joints_of, marker_infos
+from nico_selfmodel.dataset.body.sensors import POINTS, SensorInfo
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflect
-from nico_selfmodel.geometry.transform import apply, inverse, transform
+from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, Attached, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
@@ -82,10 +82,9 @@ def predict_body(
     linear = residuals.linear(parameters.values_of(watched))
     p_FM = linear.r.reshape(count, markers, 3)
     motion = TreeMotion.at(watched, data.si_readings, approach=data.si_approach)
-    poses = [motion.pose_of(m) for m in tree.markers]
-    R_WM = np.stack([R.transpose(2, 0, 1) for R, _ in poses], axis=1)
-    p_WM = np.stack([p.T for _, p in poses], axis=1)
-    R_FW = np.swapaxes(motion.pose_of(watcher)[0].transpose(2, 0, 1), 1, 2)
+    X_WM = np.stack([motion.poses(m) for m in tree.markers], axis=1)
+    p_WM = X_WM[..., :3, 3]
+    R_FW = np.swapaxes(motion.poses(watcher)[:, :3, :3], 1, 2)
     sigma = np.sqrt(_variance(model, parameters, linear.J, linear.by_joint, residuals) / 3.0)
     cameras = {name: _seen(motion, name, p_WM) for name in tree.lenses}
     reflected = {
@@ -94,7 +93,7 @@ def predict_body(
         for name in tree.lenses
     }
     sigmas = sigma.reshape(count, markers)
-    return BodyPrediction(p_FM, R_FW[:, None] @ R_WM, sigmas, cameras, reflected)
+    return BodyPrediction(p_FM, R_FW[:, None] @ X_WM[..., :3, :3], sigmas, cameras, reflected)
 
 
 def _watcher(tree: BodyTree, frame: str | None) -> Attached:
@@ -129,8 +128,7 @@ def _reflected(motion: TreeMotion, camera: str, plane: Plane, p_WQ: NDArray) -> 
 def _poses(motion: TreeMotion, camera: str) -> NDArray:
     """Return the poses of a camera in W. Shape (N, 4, 4)."""
     (sensor,) = [s for s in motion.tree.sensors if s.name == camera]
-    R, p = motion.pose_of(sensor)
-    return transform(R.transpose(2, 0, 1), p.T)
+    return motion.poses(sensor)
 
 
 def _variance(
@@ -170,20 +168,6 @@ def _unknown_play(model: BodyModel, data: BodyDataset) -> NDArray:
 def _asked(model: BodyModel, readings: NDArray, watcher: Attached) -> BodyDataset:
     """Return the recording of a tracker that sees everything, where `watcher` is."""
     tree = model.tree
-    names = tree.joints
-    joints = []
-    for i, name in enumerate(names):
-        parent = int(tree.parent[i])
-        leads = {} if tree.coupling[i, i] else dict(zip(names, tree.coupling[i], strict=True))
-        joints.append(
-            LinkJoint(
-                name,
-                WORLD_NAME if parent == WORLD else names[parent],
-                tree.motions[i],
-                "rad" if tree.motions[i] == "revolute" else "m",
-                follows={lead: float(ratio) for lead, ratio in leads.items() if ratio},
-            )
-        )
     count, markers = len(readings), len(tree.markers)
     rows = count * markers
     values = np.hstack([np.zeros((rows, 3)), np.full((rows, 3), np.nan)])
@@ -191,15 +175,9 @@ def _asked(model: BodyModel, readings: NDArray, watcher: Attached) -> BodyDatase
     table = ObservationTable(pose, np.zeros(rows, int), marker, np.full(rows, -1), values)
     return BodyDataset(
         "asked",
-        tuple(joints),
-        tuple(
-            MarkerInfo(m.name, WORLD_NAME if m.on == WORLD else names[m.on]) for m in tree.markers
-        ),
-        (
-            SensorInfo(
-                watcher.name, POINTS, WORLD_NAME if watcher.on == WORLD else names[watcher.on]
-            ),
-        ),
+        link_joints_of(tree),
+        marker_infos(tree),
+        (SensorInfo(watcher.name, POINTS, tree.link_name(watcher.on)),),
         np.arange(count),
         np.asarray(readings, dtype=float) * model.si_per_unit,
         table,

@@ -154,12 +154,7 @@ def errors_of_tree(
 
 
 def errors_beside_training(model: BodyModel, errors: TreeErrors) -> Errors:
-    """Return errors of new data by what a body says to expect.
-
-    Args:
-        model: The body.
-        errors: What it leaves.
-    """
+    """Return errors of new data by what a body says to expect."""
     among = [key for key in COMPARED if key in model.expected]
     found = errors_of_tree(errors, None, among)
     if RELATIVE not in model.expected.get(found.compared_by, {}):

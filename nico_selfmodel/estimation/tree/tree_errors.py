@@ -7,14 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
+from nico_selfmodel.dataset.body.of_tree import marker_infos
 from nico_selfmodel.dataset.body.sensors import (
     DISTANCE,
     POINTS,
     POSES,
     SIGHTS,
     TOUCHES,
-    MarkerInfo,
 )
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.results.folds import FOLDS, Fold, cross_validate, fold_of, told_step
@@ -24,7 +23,7 @@ from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.tree.body_tree import FREE, WORLD, Attached, BodyTree
+from nico_selfmodel.model.tree.body_tree import FREE, Attached, BodyTree
 from nico_selfmodel.model.tree.free_joints import body_alone, with_free_joints
 from nico_selfmodel.names import listed
 
@@ -90,10 +89,6 @@ class TreeErrors:
 def errors_of(tree: BodyTree, data: BodyDataset) -> TreeErrors:
     """Return what a body leaves of a recording of its joints, markers and sensors, in any order.
 
-    Args:
-        tree: The body.
-        data: The recording.
-
     Raises:
         DataError: If it is of another body.
     """
@@ -122,10 +117,6 @@ def beside_boards(tree: BodyTree, data: BodyDataset) -> BodyTree:
 
 def told_as(tree: BodyTree, data: BodyDataset) -> BodyDataset:
     """Return a recording with the body's markers, in its order.
-
-    Args:
-        tree: The body.
-        data: The recording.
 
     Raises:
         DataError: If it has other joints, or markers or sensors that the body lacks.
@@ -160,13 +151,8 @@ def told_as(tree: BodyTree, data: BodyDataset) -> BodyDataset:
     moved = np.array([*(known.index(m.name) for m in data.markers), -1])
     table = data.observations
     new = replace(table, marker=moved[table.marker], other=moved[table.other])
-    names = tree.joints
-    places = {m.name: m.xyz for m in data.markers}
-    markers = tuple(
-        MarkerInfo(m.name, WORLD_NAME if m.on == WORLD else names[m.on], places.get(m.name))
-        for m in tree.markers
-    )
-    return replace(data, markers=markers, observations=new)
+    places = {m.name: m.xyz for m in data.markers if m.xyz is not None}
+    return replace(data, markers=marker_infos(tree, places), observations=new)
 
 
 def cross_validate_tree(

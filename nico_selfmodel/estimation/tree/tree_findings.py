@@ -256,9 +256,6 @@ def _loud_words(calibration: TreeCalibration, doubtful: list[DoubtfulGear]) -> l
 def alike_errors(calibration: TreeCalibration) -> dict[str, dict[str, float]]:
     """Return what errors of flanges and sensors are shared by poses that are alike, and are not.
 
-    Args:
-        calibration: What was learned.
-
     Returns:
         Standard deviations [rad and m] by name; nothing where each pose's error is its own.
     """
@@ -318,11 +315,7 @@ def _outlier_words(calibration: TreeCalibration) -> list[str]:
 
 
 def distance_words(calibration: TreeCalibration) -> list[str]:
-    """Name known distances that contradict the rest.
-
-    Args:
-        calibration: What was learned.
-    """
+    """Name known distances that contradict the rest."""
     data, outliers = calibration.data, calibration.solution.outliers
     table, far, said = data.observations, calibration.train.by_row(), list[str]()
     kinds = np.array([sensor.kind for sensor in data.sensors])

@@ -94,12 +94,7 @@ def _scale_at_first(data: TreeObservations, rows: SensorRows, norms: NDArray) ->
 
 
 def names_of_noise(noise: TreeNoise, seen: TreeObservations) -> dict[str, float]:
-    """Return the standard deviations of sensors and joints, by name [m, rad or px].
-
-    Args:
-        noise: What disturbs a recording.
-        seen: The recording.
-    """
+    """Return the standard deviations of sensors and joints, by name [m, rad or px]."""
     out = dict(zip(seen.noise_groups, noise.sensor.tolist(), strict=True))
     for (i, part), sigma in zip(seen.noisy_joints, noise.joint.tolist(), strict=True):
         joint = seen.data.joints[i]

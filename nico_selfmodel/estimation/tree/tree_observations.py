@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, parents_of
+from nico_selfmodel.dataset.body.link_joint import parents_of
 from nico_selfmodel.dataset.body.sensors import (
     CAMERA,
     FIRST_SIGMA,
@@ -20,7 +20,7 @@ from nico_selfmodel.dataset.body.sensors import (
 )
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.tree.body_tree import FREE, WHOLE_POSES
+from nico_selfmodel.model.tree.body_tree import FREE, WHOLE_POSES, WORLD_NAME
 
 ENOUGH_TOUCHES = 20
 """Poses of a sensor that sees nothing from which on they tell its standard deviation."""

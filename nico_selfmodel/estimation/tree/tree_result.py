@@ -48,11 +48,7 @@ _TERMS = Terms(
 
 
 def tree_result(calibration: TreeCalibration) -> CalibrationResult:
-    """Return a body with all that it is judged by and that is written down of it.
-
-    Args:
-        calibration: What was learned.
-    """
+    """Return a body with all that it is judged by and that is written down of it."""
     solution, data = calibration.solution, calibration.data
     crossed, held = calibration.cross_validation, calibration.test
     # Both are told in units of what is usual, or neither.
@@ -317,7 +313,7 @@ def _joints(calibration: TreeCalibration) -> list[dict[str, Any]]:
     return [
         {
             "name": name,
-            "parent": "world" if parent < 0 else tree.joints[parent],
+            "parent": tree.link_name(parent),
             "motion": motion,
             **_axes(X, motion, tree.motions[parent] if parent >= 0 else FLANGE),
             "markers": [m.name for m in tree.markers if m.on == i],

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, coupling_of, parents_of
+from nico_selfmodel.dataset.body.link_joint import coupling_of, parents_of
 from nico_selfmodel.dataset.body.sensors import (
     CAMERA,
     CONTACT,
@@ -49,6 +49,7 @@ from nico_selfmodel.model.tree.body_tree import (
     PRISMATIC,
     WHOLE_POSES,
     WORLD,
+    WORLD_NAME,
     Attached,
     BodyTree,
 )

@@ -56,9 +56,6 @@ def dh_rows_of_lines(
         parallel: Rows to be written in Hayati's form. Shape (n,).
         flip: Rows whose x_i is turned round. Shape (n,).
         first: D_1 [m] and theta_1 [rad], which only fix frame 0 on the first axis.
-
-    Returns:
-        The rows.
     """
     n = len(directions)
     feet, ends = _normals(directions, points, hand, parallel)

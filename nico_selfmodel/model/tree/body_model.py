@@ -29,14 +29,13 @@ from nico_selfmodel.model.tree.body_check import (
     checked_noise,
     link_named,
 )
-from nico_selfmodel.model.tree.body_tree import FREE, WORLD, Attached, BodyTree
+from nico_selfmodel.model.tree.body_tree import FREE, WORLD, WORLD_NAME, Attached, BodyTree
 from nico_selfmodel.model.tree.standing_mirror import StandingMirror
 from nico_selfmodel.names import shown
 
 FORMAT = "nico-body/1"
 BODY_FILE = "body.yaml"
 """Name of the file in a result folder."""
-_WORLD = "world"
 _RIGID = 1e-6
 """How far axes of a pose in a file may be from square and of unit length."""
 _LIMITS = {"lower": -np.inf, "upper": np.inf}
@@ -163,7 +162,7 @@ def _joint(model: BodyModel, i: int) -> dict[str, Any]:
     parent = int(tree.parent[i])
     entry: dict[str, Any] = {
         "name": tree.joints[i],
-        "parent": _WORLD if parent == WORLD else tree.joints[parent],
+        "parent": tree.link_name(parent),
         "motion": tree.motions[i],
         "X_PJ": tree.X_PJ[i].tolist(),
         "gear": float(tree.gear[i]),
@@ -178,8 +177,7 @@ def _joint(model: BodyModel, i: int) -> dict[str, Any]:
 
 
 def _attached(tree: BodyTree, item: Attached) -> dict[str, Any]:
-    on = _WORLD if item.on == WORLD else tree.joints[item.on]
-    return {"name": item.name, "on": on, "X_LA": item.X_LA.tolist()}
+    return {"name": item.name, "on": tree.link_name(item.on), "X_LA": item.X_LA.tolist()}
 
 
 def _lens(camera: Camera) -> dict[str, Any]:
@@ -204,7 +202,7 @@ def _read_mirror(entry: Mapping[str, Any]) -> StandingMirror:
 def _model(document: dict[str, Any]) -> BodyModel:
     joints = mappings(document["joints"], "joints")
     names = texts([joint["name"] for joint in joints], "joints")
-    index = {name: i for i, name in enumerate(names)} | {_WORLD: WORLD}
+    index = {name: i for i, name in enumerate(names)} | {WORLD_NAME: WORLD}
     coupling = np.eye(len(names))
     for i, joint in enumerate(joints):
         check_joint(joint)

@@ -13,7 +13,7 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.standing_mirror import StandingMirror
 from nico_selfmodel.names import listed, refuse_unknown
 
-WORLD = -1
+WORLD, WORLD_NAME = -1, "world"
 """What is `on` no link is on the world."""
 REVOLUTE, PRISMATIC, FLANGE, FREE = "revolute", "prismatic", "flange", "free"
 MOTIONS = (REVOLUTE, PRISMATIC, FLANGE, FREE)
@@ -130,6 +130,10 @@ class BodyTree:
             moved[i] = moved[parent]
             moved[i, i] = True
         return moved
+
+    def link_name(self, link: int) -> str:
+        """Return the name of the joint that moves a link; `WORLD_NAME` for `WORLD`."""
+        return WORLD_NAME if link == WORLD else self.joints[link]
 
     def marker_index(self, name: str) -> int:
         """Return the position of a marker.

@@ -3,11 +3,13 @@
 Arrays hold the pose last, (..., N), so that every operation runs along contiguous memory.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_tree import REVOLUTE, WHOLE_POSES, Attached, BodyTree
 from nico_selfmodel.model.tree.tree_load import TreeLoad
 
@@ -99,6 +101,15 @@ class TreeMotion:
         """Return orientation and position of what is fixed to a link. (3, 3, N) and (3, N)."""
         R = np.einsum("ijn,jk->ikn", self.R_WL[item.on], item.X_LA[:3, :3])
         return R, self.p_WL[item.on] + _turn(self.R_WL[item.on], item.X_LA[:3, 3])
+
+    def poses(self, item: Attached) -> NDArray:
+        """Return the poses of what is fixed to a link [m]. Shape (N, 4, 4)."""
+        R, p = self.pose_of(item)
+        return transform(R.transpose(2, 0, 1), p.T)
+
+    def places(self, items: Iterable[Attached]) -> NDArray:
+        """Return where what is fixed to links is [m]. Shape (N, items, 3)."""
+        return np.stack([self.pose_of(item)[1].T for item in items], axis=1)
 
     def points(self, marker: NDArray, pose: NDArray) -> NDArray:
         """Return where markers are in W, one a row.

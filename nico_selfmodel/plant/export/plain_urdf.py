@@ -32,9 +32,6 @@ def plain_document(model: SelfModel, measuring_frame: str) -> Document:
     Args:
         model: The self-model.
         measuring_frame: Name of a link to mark W with.
-
-    Returns:
-        The document.
     """
     document = Document()
     robot = document.createElement("robot")

@@ -220,12 +220,10 @@ class GazeSolver:
 
     def _cameras(self, readings: NDArray) -> dict[str, Camera]:
         """Return the cameras that look, in the body's world."""
-        tree, out = self.model.tree, {}
+        tree = self.model.tree
         motion = TreeMotion.at(tree, self.model.readings(readings)[None])
-        for sensor in (tree.sensors[i] for i in self.cameras):
-            R, p = motion.pose_of(sensor)
-            out[sensor.name] = tree.lenses[sensor.name].at(transform(R[..., 0], p[..., 0]))
-        return out
+        looking = [tree.sensors[i] for i in self.cameras]
+        return {s.name: tree.lenses[s.name].at(motion.poses(s)[0]) for s in looking}
 
     def _checked(self, readings: ArrayLike) -> NDArray:
         now = np.asarray(readings, dtype=float)

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.conversion import tree_dataset_of
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.tree.body_tree import WORLD
@@ -18,10 +17,8 @@ from nico_selfmodel.recording.recorded_samples import RecordedSamples
 from nico_selfmodel.recording.session import Progress, sample_pose
 from nico_selfmodel.sessions.whole_body import (
     attached_in_room,
-    camera_infos,
-    link_joints_of,
-    marker_infos,
     room_about_nico,
+    seen_by,
     whole_nico,
 )
 from nico_selfmodel.systems.looking import ARM_JOINTS
@@ -119,9 +116,7 @@ def session_before_mirrors(
             sample_pose(robot, kept, index, "", command, _TRIES, mirror)
             if progress is not None:
                 progress(index + 1, len(plan))
-    data = tree_dataset_of(
-        kept.dataset(), link_joints_of(tree), marker_infos(tree, room), camera_infos(tree)
-    )
+    data = seen_by(tree, room, kept.dataset())
     facing = [card for index, (_, card, _) in enumerate(plan) if kept.visits(index)]
     shown = data.of_rows(_shown(data, facing))
     return BeforeMirrors(shown, {mirror: b.glass.plane for mirror, b in before.items()})

@@ -208,9 +208,6 @@ class MotionCaptureClient(ClosedAtEnd):
     def next(self) -> MarkerFrame:
         """Wait for the next frame.
 
-        Returns:
-            The frame.
-
         Raises:
             RobotError: If it does not come in time, the server went away or ended, or it sent
                 something that is no frame.

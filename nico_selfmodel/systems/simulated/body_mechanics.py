@@ -113,9 +113,7 @@ class BodyMechanics(JointMechanics):
         """As `JointMechanics.cameras`."""
         motion = TreeMotion.at(self.tree, self.posture(q))
         (X_BL, left), (X_BR, right) = (
-            (transform(R[..., 0], p[..., 0]), self.tree.lenses[sensor.name])
-            for sensor in self.tree.sensors
-            for R, p in [motion.pose_of(sensor)]
+            (motion.poses(sensor)[0], self.tree.lenses[sensor.name]) for sensor in self.tree.sensors
         )
         return X_BL, StereoRig(left.at(np.eye(4)), right.at(inverse(X_BL) @ X_BR))
 

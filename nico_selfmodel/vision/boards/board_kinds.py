@@ -28,9 +28,6 @@ def board_of(
         tag_mm: Side of a tag, diameter of a circle [mm].
         family: Of the tags.
 
-    Returns:
-        The board.
-
     Raises:
         ValueError: If the text is something else, or the board cannot be.
     """

@@ -61,9 +61,6 @@ class Board:
             text: Inner corners in a row, `x`, inner corners in a column.
             square_mm: Side of a square [mm].
 
-        Returns:
-            The board.
-
         Raises:
             ValueError: If the text is something else, or a number is out of range.
         """

@@ -110,9 +110,6 @@ class ColorModel:
             points: For each image the clicked pixels, shape (n, 2), possibly none.
             radius: Of the disk around each click [px].
 
-        Returns:
-            The thresholds.
-
         Raises:
             ValueError: If there are no clicks, or one lies outside its image.
             DataError: If the pixels are grey, over-exposed, or of different colours.
@@ -174,9 +171,6 @@ class ColorModel:
     @classmethod
     def load(cls, path: str | Path) -> "ColorModel":
         """Read a file that `save` wrote, or a person changed.
-
-        Args:
-            path: The file.
 
         Returns:
             The thresholds.

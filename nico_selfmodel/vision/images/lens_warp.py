@@ -72,9 +72,6 @@ class LensWarp:
             camera: Intrinsics and distortion; its pose does not matter here.
             supersample: Samples along each side of a pixel, which are averaged by area.
 
-        Returns:
-            The warp.
-
         Raises:
             ValueError: If `supersample` is less than 1.
             ModelError: If the lens sees so wide that no reasonable picture holds it.

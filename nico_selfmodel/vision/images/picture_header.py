@@ -23,9 +23,6 @@ _ALONE = {0x01, *range(0xD0, 0xD9)}
 def check_header(content: bytes) -> tuple[int, int]:
     """Return width and height of a picture that is worth decoding [px].
 
-    Args:
-        content: The file.
-
     Raises:
         ValueError: If it is neither PNG nor JPEG, cut off, empty or too large.
     """

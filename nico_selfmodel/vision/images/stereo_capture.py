@@ -105,9 +105,6 @@ class StereoCapture(OpenedAtStart):
         Args:
             timeout: How long to wait [s].
 
-        Returns:
-            The first pair.
-
         Raises:
             RobotError: If they are open already, or a camera cannot be opened, gives nothing, or
                 pictures of another size.

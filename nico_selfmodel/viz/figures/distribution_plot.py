@@ -61,9 +61,6 @@ def distribution(sets: Sequence[ErrorSet], *, unit: str, what: str, thing: str) 
         unit: Of the errors.
         what: What an error is.
         thing: What has one.
-
-    Returns:
-        The figure.
     """
     with style():
         figure = PlainFigure(figsize=(HALF_WIDTH, 4.2))

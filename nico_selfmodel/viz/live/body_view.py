@@ -183,10 +183,6 @@ class WholeBodyView(HandView):
 
 def rig_of(tree: BodyTree, motion: TreeMotion) -> StereoRig:
     """Return both cameras of a body where a pose has them, in W."""
-    cameras = []
-    for sensor in tree.sensors:
-        if sensor.name in tree.lenses:
-            R, p = motion.pose_of(sensor)
-            cameras.append(tree.lenses[sensor.name].at(transform(R[..., 0], p[..., 0])))
-    left, right = cameras
+    looking = [sensor for sensor in tree.sensors if sensor.name in tree.lenses]
+    left, right = (tree.lenses[s.name].at(motion.poses(s)[0]) for s in looking)
     return StereoRig(left, right)

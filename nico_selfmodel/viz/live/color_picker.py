@@ -114,9 +114,6 @@ def pick_color(image: NDArray, title: str, radius: float = 3.0) -> ColorModel:
         title: Of the window.
         radius: Of the disk of pixels around each click that counts [px].
 
-    Returns:
-        The colour.
-
     Raises:
         SelfModelError: If no window can be opened, or it was closed without a usable click.
     """

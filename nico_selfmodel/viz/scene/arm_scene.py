@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.sweeps import Sweep
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
 from nico_selfmodel.estimation.initialization.circle_points import crossing_of
-from nico_selfmodel.geometry.transform import apply
+from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.figures.numbers_shown import nice_factor, short
 from nico_selfmodel.viz.scene.arm_items import arm_items, arm_legend
 from nico_selfmodel.viz.scene.arm_shape import arm_length, joint_points
 from nico_selfmodel.viz.scene.circle_items import circle_items, circle_legend
@@ -20,18 +22,12 @@ from nico_selfmodel.viz.scene.residual_items import (
     residual_legend,
 )
 from nico_selfmodel.viz.scene.robot.robot_items import robot_items, robot_legend
-from nico_selfmodel.viz.scene.scene import Scene
-from nico_selfmodel.viz.scene.scene_items import Item, Tube
+from nico_selfmodel.viz.scene.scene import LegendEntry, Scene
+from nico_selfmodel.viz.scene.scene_items import Ellipsoid, Item, Tube
 from nico_selfmodel.viz.scene.surroundings import camera_on, floor_items, turned, upright
 
 if TYPE_CHECKING:
     from nico_selfmodel.plant import ArmDescription
-
-from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.viz.figures import palette
-from nico_selfmodel.viz.figures.numbers_shown import nice_factor, short
-from nico_selfmodel.viz.scene.scene import LegendEntry
-from nico_selfmodel.viz.scene.scene_items import Ellipsoid
 
 _DRAWN_RADIUS = 0.12
 """The longest half axis is drawn at most about this long."""

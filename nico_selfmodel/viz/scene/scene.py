@@ -137,9 +137,6 @@ def load_scene(result: str | Path) -> Scene:
     Args:
         result: The folder, or its `scene.json`.
 
-    Returns:
-        The scene.
-
     Raises:
         ModelError: If there is none, or it is not valid.
     """

@@ -40,7 +40,7 @@ def tree_scene(name: str, tree: BodyTree, data: BodyDataset) -> Scene:
     X_SW, glasses, seen = _upright(tree), _glasses(tree, data), _seen_points(tree, data)
     items += [item for name, plate in glasses.items() for item in _glass_items(name, plate)]
     items += _cloud(seen, unit)
-    centres, markers = axis_points(tree, motion), _marker_points(tree, motion)
+    centres, markers = axis_points(tree, motion), motion.places(tree.markers)[0]
     sensors = np.array([motion.pose_of(s)[1][:, 0] for s in tree.sensors]).reshape(-1, 3)
     points = apply(X_SW, np.vstack([centres, markers, sensors, seen, *glasses.values()]))
     own = _of_body(tree)
@@ -91,7 +91,7 @@ def carried_items(tree: BodyTree, motion: TreeMotion) -> list[tuple[int, Item]]:
         Links and items, in W.
     """
     unit = _size(tree, motion)
-    centres, markers = axis_points(tree, motion), _marker_points(tree, motion)
+    centres, markers = axis_points(tree, motion), motion.places(tree.markers)[0]
     return [
         *_links(tree, centres, markers, unit),
         *_joints(tree, motion, centres, 0.6 * unit),
@@ -100,15 +100,11 @@ def carried_items(tree: BodyTree, motion: TreeMotion) -> list[tuple[int, Item]]:
     ]
 
 
-def _marker_points(tree: BodyTree, motion: TreeMotion) -> NDArray:
-    return np.stack([motion.pose_of(m)[1][:, 0] for m in tree.markers])
-
-
 def _size(tree: BodyTree, motion: TreeMotion) -> float:
     """Return how large a body and what it carries are at a pose [m]."""
     carried = _of_body(tree)
     bases = motion.p_WJ[np.isin(tree.motions, WHOLE_POSES), :, 0]
-    points = np.vstack([axis_points(tree, motion), bases, _marker_points(tree, motion)[carried]])
+    points = np.vstack([axis_points(tree, motion), bases, motion.places(tree.markers)[0][carried]])
     return max(float(np.linalg.norm(np.ptp(points, axis=0))), 1e-3)
 
 
@@ -221,8 +217,7 @@ def _markers(tree: BodyTree, markers: NDArray, unit: float) -> list[tuple[int, I
 def _sensors(tree: BodyTree, motion: TreeMotion, unit: float) -> list[tuple[int, Item]]:
     items: list[tuple[int, Item]] = []
     for name, sensor in zip(path_names(s.name for s in tree.sensors), tree.sensors, strict=True):
-        R, p = motion.pose_of(sensor)
-        X = transform(R[:, :, 0], p[:, 0])
+        X = motion.poses(sensor)[0]
         if sensor.name in tree.lenses:
             share = _PLANE if sensor.on == WORLD else _OWN_PLANE
             plane = ImagePlane(tree.lenses[sensor.name].at(X), share * unit)

@@ -29,12 +29,7 @@ _ABOVE, _BELOW = ("k3", "k2", "k1"), ("k6", "k5", "k4")
 
 
 def with_told_sigmas(calibration: CameraCalibration, options: CameraOptions) -> CameraCalibration:
-    """Return cameras without sigmas of coefficients of which only all together are told.
-
-    Args:
-        calibration: What was learned.
-        options: As it was learned.
-    """
+    """Return cameras without sigmas of coefficients of which only all together are told."""
     found: list[str] = []
     for name, camera in zip(calibration.views.cameras, calibration.cameras, strict=True):
         highest = _highest(calibration, name, camera)
@@ -49,9 +44,6 @@ def told_together(calibration: CameraCalibration) -> CameraCalibration:
     """Return cameras without sigmas of the coefficients of rational lenses.
 
     As where some were left out because corners do not need them: they may be anything.
-
-    Args:
-        calibration: What was learned.
     """
     told = calibration.uncertainty.told_together(
         f"{name}.k{i + 1}"

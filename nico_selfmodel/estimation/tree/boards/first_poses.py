@@ -39,7 +39,7 @@ def first_poses(tree: BodyTree, observations: TreeObservations) -> NDArray:
     data = observations.data
     out = np.stack([data.X_flange, data.X_flange])
     motion = TreeMotion.at(tree, data.si_readings, data.X_flange, data.si_approach)
-    by_name = {sensor.name: motion.pose_of(sensor) for sensor in tree.sensors}
+    by_name = {sensor.name: motion.poses(sensor) for sensor in tree.sensors}
     best: dict[tuple[int, int], int] = {}
     for view in board_views(observations, tree.lenses):
         key = (view.sample, view.joint)
@@ -47,14 +47,12 @@ def first_poses(tree: BodyTree, observations: TreeObservations) -> NDArray:
         worth = 2 * view.corners + (not view.mirror)
         if worth > best.get(key, 0):
             best[key] = worth
-            R, p = by_name[view.camera]
-            X_WC = transform(R[:, :, view.sample], p[:, view.sample])
+            X_WC = by_name[view.camera][view.sample]
             out[:, view.sample, view.joint] = _in_world(tree, view, X_WC)
     for rows in observations.sensors:
         if rows.kind in (POINTS, POSES):
             for sample, joint, X_SB in _measured(data, rows):
-                R, p = by_name[rows.name]
-                out[:, sample, joint] = transform(R[:, :, sample], p[:, sample]) @ X_SB
+                out[:, sample, joint] = by_name[rows.name][sample] @ X_SB
                 best[sample, joint] = 1
     _check(observations, best)
     for joint in data.free_joints:

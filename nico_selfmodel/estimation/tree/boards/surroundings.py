@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.tree.boards.board_pose import mean_pose, mirrored_back
 from nico_selfmodel.estimation.tree.boards.board_views import (
@@ -23,7 +22,7 @@ from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflection, symmetry_plane
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.tree.body_tree import BodyTree
+from nico_selfmodel.model.tree.body_tree import WORLD_NAME, BodyTree
 from nico_selfmodel.model.tree.standing_mirror import StandingMirror
 from nico_selfmodel.names import listed
 

@@ -70,12 +70,7 @@ def refuse_odd_sensor(found: FoundStart, data: BodyDataset, search: Search, seed
 
 
 def largest_error(found: FoundStart, data: BodyDataset) -> float:
-    """Return the largest usual error of what a sensor saw of a link, in the spread of all it saw.
-
-    Args:
-        found: A first body.
-        data: The recording.
-    """
+    """Return the largest usual error of what a sensor saw of a link, in the spread of all."""
     seen, start = TreeObservations.of(data), found.start
     r = TreeResiduals(seen, start.parameters).residuals(start.values)
     largest = 0.0

@@ -20,9 +20,6 @@ def exchanged_markers(calibration: TreeCalibration) -> list[str]:
     """Say which markers' names are exchanged in part of the training poses.
 
     What moves freely is left out: the names of a board's corners tell its pose.
-
-    Args:
-        calibration: What was learned.
     """
     table, wrong = calibration.data.observations, calibration.solution.outliers
     kinds = np.array([sensor.kind for sensor in calibration.data.sensors])

@@ -22,11 +22,7 @@ _FEWEST_POSES = 20
 
 
 def sensors_off_at_once(calibration: TreeCalibration) -> list[str]:
-    """Name sensors that are off alike in all that they see of one pose.
-
-    Args:
-        calibration: What was learned.
-    """
+    """Name sensors that are off alike in all that they see of one pose."""
     solution, seen = calibration.solution, calibration.train.observations
     white, words = solution.white_by_scalar(seen), list[str]()
     for rows in (rows for rows in seen.sensors if rows.kind in SIGHTS):

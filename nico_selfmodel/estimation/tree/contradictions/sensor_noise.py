@@ -30,11 +30,7 @@ CHECK_TOUCHES = (
 
 
 def sensor_misfits(calibration: TreeCalibration) -> list[str]:
-    """Say which sensors' residuals are far beyond the noise that they are said to have.
-
-    Args:
-        calibration: What was learned.
-    """
+    """Say which sensors' residuals are far beyond the noise that they are said to have."""
     return [
         f"what sensor {name!r} measured is off by {found}, it is "
         + (
@@ -48,11 +44,7 @@ def sensor_misfits(calibration: TreeCalibration) -> list[str]:
 
 
 def loose_sigmas(calibration: TreeCalibration) -> list[str]:
-    """Say which sensors measure far better than they are said to.
-
-    Args:
-        calibration: What was learned.
-    """
+    """Say which sensors measure far better than they are said to."""
     return [
         f"what sensor {name!r} measured scatters by {found}, it is said to be sure to {sigma}: is "
         "the unit of its sigma right?"
@@ -85,11 +77,7 @@ def _rms(white: NDArray) -> float:
 
 
 def unexplained_sensors(calibration: TreeCalibration) -> list[str]:
-    """Say which sensors would have to be so noisy that what they saw tells nothing.
-
-    Args:
-        calibration: What was learned.
-    """
+    """Say which sensors would have to be so noisy that what they saw tells nothing."""
     found = [(name, words) for name, words, _ in _unexplained(calibration)]
     if not found:
         return []
@@ -123,11 +111,7 @@ def _unexplained(calibration: TreeCalibration) -> Iterator[tuple[str, str, int]]
 
 
 def noisy_joints(calibration: TreeCalibration) -> dict[str, float]:
-    """Return joints that turn and whose noise would be none, with it [rad].
-
-    Args:
-        calibration: What was learned.
-    """
+    """Return joints that turn and whose noise would be none, with it [rad]."""
     joints, noise = calibration.data.joints, calibration.solution.noise.joint.tolist()
     both = zip(calibration.train.observations.noisy_joints, noise, strict=True)
     return {
@@ -138,11 +122,7 @@ def noisy_joints(calibration: TreeCalibration) -> dict[str, float]:
 
 
 def unexplained_scalars(calibration: TreeCalibration) -> int:
-    """Return how many numbers the body does not explain, errors of joints that are none among them.
-
-    Args:
-        calibration: What was learned.
-    """
+    """Return how many numbers the body does not explain; noisy joints count once a pose."""
     poses = len(calibration.solution.slipped)
     seen = sum(scalars for _, _, scalars in _unexplained(calibration))
     return seen + poses * len(noisy_joints(calibration))

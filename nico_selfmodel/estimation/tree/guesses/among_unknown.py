@@ -46,12 +46,6 @@ def on_link_among_unknown(
 ) -> NDArray | None:
     """Return where a camera sits on its link, from markers on others.
 
-    Args:
-        motion: Of the body without it.
-        rows: What it saw.
-        link: Its link.
-        rng: Of the draws.
-
     Returns:
         X_LC, shape (4, 4); None where it saw too little to tell.
     """

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
 from nico_selfmodel.dataset.body.sensors import CAMERA, MarkerInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.tree.boards.board_pose import board_poses_seen, is_flat
@@ -24,7 +23,7 @@ from nico_selfmodel.geometry.alignment import Alignment
 from nico_selfmodel.geometry.resection import FEWEST, agreeing, cosines, robust_camera_pose
 from nico_selfmodel.geometry.rotation import nearest_rotation
 from nico_selfmodel.geometry.transform import apply, inverse, transform
-from nico_selfmodel.model.tree.body_tree import Attached, BodyTree
+from nico_selfmodel.model.tree.body_tree import WORLD_NAME, Attached, BodyTree
 from nico_selfmodel.names import listed
 
 _WITHIN = 0.02

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
 from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES, SIGHTS
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.tree.guesses.among_unknown import on_link_among_unknown
@@ -43,7 +42,7 @@ from nico_selfmodel.estimation.tree.tree_setup import Description
 from nico_selfmodel.geometry.alignment import Alignment
 from nico_selfmodel.geometry.resection import FEWEST
 from nico_selfmodel.geometry.transform import inverse, transform
-from nico_selfmodel.model.tree.body_tree import FLANGE, BodyTree
+from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD_NAME, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import listed
 

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.tree.guesses.camera_guess import together
@@ -22,7 +21,7 @@ from nico_selfmodel.estimation.tree.tree_setup import Description
 from nico_selfmodel.geometry.resection import FEWEST, robust_camera_pose
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.tree.body_tree import WORLD
+from nico_selfmodel.model.tree.body_tree import WORLD, WORLD_NAME
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
 PARTS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")

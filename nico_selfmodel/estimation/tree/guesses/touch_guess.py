@@ -70,9 +70,6 @@ class Touches:
         Markers that nothing sees begin in the middle of those of their link that are seen, or where
         what they touched is flattest.
 
-        Args:
-            tree: The body.
-
         Raises:
             DataError: If what touched a plane does not span one.
         """

@@ -98,9 +98,6 @@ def new_parameters(
         U_z: Those by how joints stand off their readings [1/rad or 1/m]. Shape (R, z).
         white: Whitened residuals, predicted minus measured. Shape (R,).
         largest: t is no larger than that.
-
-    Returns:
-        The estimate.
     """
     p, k = U_m.shape[1], A.shape[1]
     everything = np.hstack([U_m, white[:, None], A, U_z])

@@ -63,9 +63,6 @@ def decode_frame(packet: bytes) -> Frame:
     Args:
         packet: The whole packet and nothing else.
 
-    Returns:
-        Its parts.
-
     Raises:
         DamagedPacketError: If header, length or checksum are wrong.
     """
