@@ -20,6 +20,7 @@ from nico_selfmodel.estimation.observations.outlier_words import (
     chance_of_more,
     describe_outliers,
     foreign_markers,
+    stuck_encoder,
 )
 from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.arm.dh_table import DhTable
@@ -84,6 +85,12 @@ def test_held_out_points_that_are_wrong_far_more_often_than_training_points_fail
     assert judge_evaluation(result.model, most, evaluate(result.model, most)).status == "FAIL"
 
 
+FROZEN = (
+    "in 10 of which the encoder of b stands at 7 deg while the hand moves: it was frozen, or not "
+    "read"
+)
+
+
 def test_a_frozen_encoder_is_named(train):
     encoders = train.encoders.copy()
     encoders[10:24, 1] = encoders[10, 1]
@@ -91,6 +98,14 @@ def test_a_frozen_encoder_is_named(train):
     words = describe_outliers(result.train.observations, result.outliers)
     assert "encoder of joint_1 stands at" in words
     assert "frozen" in words
+
+
+@pytest.mark.parametrize(("right", "named"), [(0, True), (4, True), (5, False)])
+def test_an_encoder_is_frozen_where_few_of_its_poses_are_right(right, named):
+    sample = np.arange(20)
+    readings = np.column_stack([np.linspace(0.0, 1.0, 20), np.where(sample < 10 + right, 7.0, 1.0)])
+    words = stuck_encoder(("a", "b"), ("rad", "deg"), readings, sample, sample < 10)
+    assert (words == FROZEN) is named
 
 
 @pytest.mark.slow
@@ -149,9 +164,18 @@ def test_readings_that_lag_by_a_row_are_named(train, shift, words):
 
 
 @pytest.mark.slow
+def test_joints_told_from_the_hand_to_the_base_are_named(make_truth):
+    truth = make_truth(4, 3)
+    data = truth.dataset(truth.poses(POSES, 4), sigma=SIGMA, seed=5)
+    about = replace(data, encoders=data.encoders[:, ::-1])
+    assert failing(about, starts=1).startswith("joints are told from the hand to the base")
+
+
+@pytest.mark.slow
 def test_radians_stated_as_degrees_are_named(train):
     joints = tuple(replace(joint, encoder_unit="deg") for joint in train.joints)
-    assert "rad stated as deg" in failing(replace(train, joints=joints), starts=1)
+    reason = failing(replace(train, joints=joints), starts=1)
+    assert reason.startswith("all joints are read in rad, not in deg as stated")
 
 
 @pytest.mark.slow
@@ -175,6 +199,22 @@ def test_only_joints_that_are_asked_about_and_turn_too_little_are_in_doubt():
     asked = np.array([True, True, False, True])
     assert np.all(mistaken_units(angles, ("deg",) * 4, asked) == 1.0)
     assert np.flatnonzero(mistaken_units(angles, ("deg",) * 4, ~asked) != 1.0).tolist() == [2]
+
+
+@pytest.mark.parametrize(
+    ("stated", "spans", "mistaken"),
+    [
+        ("deg", [0.21, 0.15], True),
+        ("deg", [0.22, 0.15], False),
+        ("rad", [13.0, 20.0], True),
+        ("rad", [12.0, 20.0], False),
+        ("counts", [0.1, 0.1], False),
+    ],
+)
+def test_all_joints_are_in_doubt_where_all_turned_too_far_or_too_little(stated, spans, mistaken):
+    angles, asked = np.linspace(0.0, 1.0, 9)[:, None] * spans, np.ones(2, dtype=bool)
+    assert (mistaken_units(angles, (stated,) * 2, asked) != 1.0).all() == mistaken
+    assert (mistaken_units(angles, (stated,) * 2, ~asked) == 1.0).all()
 
 
 def test_a_mirrored_or_rescaled_robot_is_told_from_a_described_one(make_truth):

@@ -1,12 +1,17 @@
-"""A joint of a body that is read in another unit than stated is named, by learning it mended."""
+"""Joints of a body that are read as others than stated are named, by learning it mended."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.tree.contradictions.mended_readings import start_as_it_was_read
+from nico_selfmodel.estimation.tree.guesses.start_search import searched_start
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+from nico_selfmodel.estimation.tree.tree_setup import Wishes, blank_body
 
 from .simulated_trees import observed, one_arm
 
@@ -36,6 +41,60 @@ def test_joints_in_another_unit_are_named_and_no_others(stated, read, mistaken):
     names = ", ".join(f"j{i + 1}" for i in sorted(mistaken))
     verb = "is" if len(mistaken) == 1 else "are"
     assert str(raised.value).startswith(f"{names} {verb} read in {read}, not in {stated}")
+
+
+def test_all_joints_in_another_unit_are_named_together():
+    data = one_arm(11, joints=3, markers=2, poses=40).data
+    with pytest.raises(DataError, match="j1, j2, j3 are read in rad, not in deg"):
+        calibrate_tree(read_in(data, "deg", {0, 1, 2}), effects=())
+
+
+def exchanged(data):
+    order = [1, 0, 2] if len(data.joints) == 3 else [0, 2, 1, 3]
+    return replace(data, readings=data.readings[:, order])
+
+
+def turned_about(data):
+    return replace(data, readings=data.readings[:, ::-1])
+
+
+def of_the_sample_before(data):
+    return replace(data, readings=np.roll(data.readings, 1, axis=0))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "sensor", "named"),
+    [
+        (exchanged, "points", "the readings of j1 and j2 are exchanged; then 0"),
+        pytest.param(exchanged, "cameras", "of j2 and j3 are exchanged", marks=pytest.mark.slow),
+        pytest.param(turned_about, "points", "hand to the base, j1 first", marks=pytest.mark.slow),
+        pytest.param(of_the_sample_before, "points", "sample after", marks=pytest.mark.slow),
+    ],
+)
+def test_readings_that_are_other_joints_or_samples_are_named(spoil, sensor, named):
+    joints = 3 if sensor == "points" and spoil is exchanged else 4
+    data = one_arm(11, joints=joints, markers=3, sensor=sensor).data
+    with pytest.raises(DataError, match=f"no body explains data set .*{named}"):
+        calibrate_tree(spoil(data), effects=())
+
+
+@pytest.mark.parametrize(("cost", "asked"), [(3.9, False), (4.1, True)])
+def test_limbs_are_asked_alone_only_where_the_first_body_is_poor(cost, asked):
+    data = exchanged(one_arm(11, joints=3, markers=2, poses=40).data)
+    found = searched_start(data, blank_body(data, {}), None, Wishes(), 0, most=1)
+    found = replace(found, start=replace(found.start, cost=cost * found.scalars))
+    with pytest.raises(DataError) if asked else nullcontext():
+        start_as_it_was_read(data, np.ones(3, dtype=bool), lambda _: found)
+
+
+@pytest.mark.parametrize("first", [36, pytest.param(48, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("stands", [True, False])
+def test_an_encoder_that_stands_still_from_a_sample_on_is_named(first, stands):
+    data = one_arm(3, joints=3, markers=3, poses=60).data
+    readings = data.readings.copy()
+    readings[first:, 1] = readings[first, 1] if stands else readings[first:, 1][::-1]
+    reasons = judge(calibrate_tree(replace(data, readings=readings), effects=())).reasons
+    assert any("of which the encoder of j2 stands at" in reason for reason in reasons) is stands
 
 
 @pytest.mark.slow

@@ -23,6 +23,7 @@ from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it
 from nico_selfmodel.estimation.tree.contradictions.sensor_noise import sensor_misfits
 from nico_selfmodel.estimation.tree.contradictions.standing_still import (
     check_that_it_moved,
+    dead_encoders,
     still_readings,
 )
 from nico_selfmodel.estimation.tree.contradictions.told_values import agreeing_start
@@ -234,6 +235,15 @@ def test_a_joint_that_hardly_moved_stands_still(slider, joint, travel, still):
     readings[:, joint] = np.linspace(0.0, travel, len(readings)) / per_unit
     found = still_readings(replace(data, readings=readings))
     assert (data.joints[joint].name in found) is still
+
+
+@pytest.mark.parametrize(("share", "dead"), [(0.009, True), (0.011, False)])
+def test_readings_that_change_far_less_than_others_hardly_change(share, dead):
+    data = one_arm(1, joints=3, poses=30).data
+    readings = np.tile(np.linspace(0.0, 1.0, 30)[:, None], 3) * [1.0, share, 1.0]
+    words = dead_encoders(replace(data, readings=readings), data.joint_names)
+    assert words.startswith("readings of j2 hardly change") is dead
+    assert not dead_encoders(replace(data, readings=readings), ["j1"])
 
 
 def first_poses(data: BodyDataset, count: int) -> BodyDataset:

@@ -28,7 +28,7 @@ from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.results.verdict import MOST_OUTLIERS
 from nico_selfmodel.optimization.losses import robust_scale
 
-_MOST_STARTS = 60
+_MOST_STARTS = 300
 """Starts that the search may cost in all."""
 _BETTER = 3.0
 """The residuals must fall to this part of what they were, inverse."""

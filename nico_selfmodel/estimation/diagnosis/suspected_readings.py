@@ -23,8 +23,8 @@ _STARTS_AT_A_GAP = 30
 """A gap in the middle of a turn is rarely there by chance."""
 _AT_ONCE, _START_ROWS = 5, 60
 """Starts that are worked out together, and on how many rows: what they leave is asked of more."""
-_STARTS_EXCHANGED = 3
-"""Of two columns: where they are right most starts agree."""
+_FEWEST_TURNED_ABOUT = 3
+"""Joints of which more are not turned about by exchanging two."""
 _LEAST_GAP = 0.1
 """Of a turn: readings that leave out less are spread over the whole turn."""
 
@@ -84,6 +84,7 @@ def suspicions_of(
         )
     if worth is Worth.EVERYTHING:
         yield from _other_units(observations, gear_pinned, held)
+        yield from _lagging(observations, gear_pinned, (-1, 1))
     if worth is not Worth.GAPS:
         yield from _exchanged(observations, gear_pinned, all_pairs=worth is Worth.EVERYTHING)
     if worth is not Worth.EVERYTHING:
@@ -95,7 +96,14 @@ def suspicions_of(
             gear_pinned & ~held,
             gears_in_question=True,
         )
-    for shift in (-1, 1, -2, 2):
+    yield from _lagging(observations, gear_pinned, (-2, 2))
+
+
+def _lagging(
+    observations: Observations, gear_pinned: NDArray, shifts: Iterable[int]
+) -> Iterator[Suspicion]:
+    """Yield readings of samples before or after their own."""
+    for shift in shifts:
         shifted = _shifted(observations, shift)
         if shifted is not None:
             words = "before" if shift < 0 else "after"
@@ -111,34 +119,41 @@ def suspicions_of(
 def _exchanged(
     observations: Observations, gear_pinned: NDArray, *, all_pairs: bool
 ) -> Iterator[Suspicion]:
-    """Yield readings with two joints' columns exchanged, neighbours first."""
-    n = len(observations.joints)
+    """Yield readings with two joints' columns exchanged, neighbours first, or all turned about."""
+    joints, n = observations.joints, len(observations.joints)
     pairs = [(i, i + step) for step in range(1, n if all_pairs else 2) for i in range(n - step)]
+    orders = []
     for i, j in pairs:
         order = np.arange(n)
         order[[i, j]] = j, i
-        yield Suspicion(
-            f"the readings of {observations.joints[i]} and {observations.joints[j]} are exchanged",
-            replace(observations, angles=observations.angles[:, order]),
-            gear_pinned[order],
-            starts=_STARTS_EXCHANGED,
+        orders.append((f"the readings of {joints[i]} and {joints[j]} are exchanged", order))
+    if all_pairs and n > _FEWEST_TURNED_ABOUT:
+        words = (
+            f"joints are told from the hand to the base, {joints[0]} first: name the base's first"
         )
+        orders.insert(n - 1, (words, np.arange(n)[::-1]))
+    for words, order in orders:
+        mended = replace(observations, angles=observations.angles[:, order])
+        yield Suspicion(words, mended, gear_pinned[order])
 
 
 def _other_units(
     observations: Observations, gear_pinned: NDArray, held: NDArray
 ) -> Iterator[Suspicion]:
-    """Yield readings with the units mended of joints whose spans are 57 times off the others'."""
+    """Yield readings with the units mended of joints whose spans are 57 times off."""
     units = observations.units.unit
     factors = mistaken_units(observations.angles, units, held)
     mistaken = np.flatnonzero(factors != 1.0)
     if not len(mistaken):
         return
-    words = ", ".join(
-        f"{observations.joints[i]} is read in {OTHER_UNIT[units[i]][0]}, not in {units[i]} as "
-        "its encoder_unit states"
+    said = [
+        f"{observations.joints[i]} is read in {OTHER_UNIT[units[i]][0]}, not in {units[i]} as its "
+        "encoder_unit states"
         for i in mistaken
-    )
+    ]
+    if len(said) == len(units):
+        said = [f"all joints are read in {OTHER_UNIT[units[0]][0]}, not in {units[0]} as stated"]
+    words = ", ".join(said)
     yield Suspicion(
         f"{words}: correct encoder_unit",
         replace(observations, angles=observations.angles * factors),

@@ -12,6 +12,9 @@ _SHOWN = 6
 """Samples that are listed by number."""
 _FEWEST = 5
 """Poses in a row that make a standing encoder no accident."""
+_RIGHTLY = 0.4
+"""And as many of these poses at most may be right: one that is frozen is so by chance, now and
+then."""
 _MOST_OF_MARKER = 0.3
 """A marker with so many outliers does not move with the others, or moved on the hand."""
 _NEARER = 2.0
@@ -35,9 +38,11 @@ def describe_outliers(observations: Observations, outliers: NDArray) -> str:
     """
     samples = np.unique(observations.sample[outliers])
     # Frozen readings repeat in inlier poses only where the arm really was there.
-    stuck = _stuck_encoder(observations, outliers)
+    units, sample = observations.units, observations.sample
+    readings = observations.angles / units.radians_per_unit
+    stuck = stuck_encoder(observations.joints, units.unit, readings, sample, outliers)
     if samples.size > 1 and stuck:
-        return f"samples {samples[0]} to {samples[-1]}{stuck}"
+        return f"samples {samples[0]} to {samples[-1]}, {stuck}"
     return name_samples(samples)
 
 
@@ -56,28 +61,39 @@ def name_samples(samples: NDArray) -> str:
     return words + (f" and {more} more" if more > 0 else "")
 
 
-def _stuck_encoder(observations: Observations, outliers: NDArray) -> str:
-    """Say which encoder reads the same in most outliers though the others move, or nothing."""
-    _, first = np.unique(observations.sample[outliers], return_index=True)
-    angles = observations.angles[outliers][first]
-    if len(angles) < _FEWEST:
+def stuck_encoder(
+    joints: Sequence[str],
+    units: Sequence[str],
+    readings: NDArray,
+    sample: NDArray,
+    outliers: NDArray,
+) -> str:
+    """Say which encoder reads the same in most outliers though the others move, or nothing.
+
+    Args:
+        joints: Names, n of them.
+        units: Of their readings.
+        readings: Of each observation. Shape (N, n).
+        sample: Sample of each. Shape (N,).
+        outliers: Observations that nothing explains. Boolean, shape (N,).
+    """
+    _, first = np.unique(sample[outliers], return_index=True)
+    off = readings[outliers][first]
+    if len(off) < _FEWEST:
         return ""
-    moving = np.ptp(angles, axis=0) > 0.0
-    for i, joint in enumerate(observations.joints):
-        values, counts = np.unique(angles[:, i], return_counts=True)
-        same = int(counts.max())
-        alone = np.delete(moving, i).any() or len(observations.joints) == 1
-        if same < max(_FEWEST, 0.7 * len(angles)) or not alone:
+    moving = np.ptp(off, axis=0) > 0.0
+    for i, joint in enumerate(joints):
+        values, counts = np.unique(off[:, i], return_counts=True)
+        same, value = int(counts.max()), values[np.argmax(counts)]
+        alone = np.delete(moving, i).any() or len(joints) == 1
+        if same < max(_FEWEST, 0.7 * len(off)) or not alone:
             continue
-        stands = observations.angles[:, i] == values[np.argmax(counts)]
-        inliers = np.unique(observations.sample[stands & ~outliers]).size
-        if inliers > 0.2 * same:
-            continue  # the joint often stands there, and rightly so
-        where = values[np.argmax(counts)] / observations.units.radians_per_unit[i]
+        inliers = np.unique(sample[(readings[:, i] == value) & ~outliers]).size
+        if inliers > _RIGHTLY * same:
+            continue  # the joint often stands there
         return (
-            f", in {same} of which the encoder of {joint} stands at "
-            f"{where:.6g} {observations.units.unit[i]} while the hand "
-            "moves: it was frozen, or not read"
+            f"in {same} of which the encoder of {joint} stands at {value:.6g} {units[i]} while the "
+            "hand moves: it was frozen, or not read"
         )
     return ""
 

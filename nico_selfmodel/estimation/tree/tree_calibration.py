@@ -21,6 +21,7 @@ from nico_selfmodel.estimation.tree.compared_errors import usual_errors
 from nico_selfmodel.estimation.tree.contradictions.against_the_rest import refuse_odd_sensor
 from nico_selfmodel.estimation.tree.contradictions.heavy_tails import noise_to_expect
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, held_scores
+from nico_selfmodel.estimation.tree.contradictions.mended_readings import start_as_it_was_read
 from nico_selfmodel.estimation.tree.contradictions.no_pose_tells import told_by_no_pose
 from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed, too_short
 from nico_selfmodel.estimation.tree.contradictions.standing_still import (
@@ -33,7 +34,6 @@ from nico_selfmodel.estimation.tree.contradictions.unplaced_markers import (
     unplaced_markers,
     without_markers,
 )
-from nico_selfmodel.estimation.tree.contradictions.wrong_units import start_in_stated_units
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.guesses.lens_guess import PARTS, guessed_lenses
 from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart, agreeing, searched_start
@@ -224,7 +224,7 @@ def calibrate_tree(
     def search(data: BodyDataset, most: int | None = None) -> FoundStart:
         return searched_start(data, blank, description, wishes, seed, guessed, most)
 
-    found = start_in_stated_units(data, moving, search, described=description is not None)
+    found = start_as_it_was_read(data, moving, search, seed, described=description is not None)
     refuse_odd_sensor(found, data, search, seed)
     first = agreeing_start(found.start, found.tree, wishes, found.scalars, found.begin)
     held, masses = frozenset(wishes.pins.pinned), description and description.masses

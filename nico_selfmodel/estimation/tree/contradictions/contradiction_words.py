@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from nico_selfmodel.dataset.body.body_dataset import ANY_POSE
 from nico_selfmodel.dataset.body.sensors import CONTACT, PLANE, POSES
 from nico_selfmodel.estimation.noise.contradictions import LEAST_SHARE, WHERE_TO_LOOK
-from nico_selfmodel.estimation.observations.outlier_words import name_samples
+from nico_selfmodel.estimation.observations.outlier_words import name_samples, stuck_encoder
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE, LAST, Finding
 from nico_selfmodel.estimation.tree.contradictions.held_scores import (
     LENS_PARTS,
@@ -28,7 +29,7 @@ from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.tree.body_tree import PRISMATIC
+from nico_selfmodel.model.tree.body_tree import PRISMATIC, WORLD
 from nico_selfmodel.names import listed
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 
@@ -62,7 +63,8 @@ def contradiction_findings(calibration: TreeCalibration) -> list[Finding]:
     linear = residuals.linear(calibration.values)
     found = [*sliding, *_of_sensors(calibration, lengths=not sliding)]
     found += views_apart(linear, seen, solution.outliers)
-    for joint, (wrong, of) in read_wrongly(linear, seen, solution).items():
+    misread = read_wrongly(linear, seen, solution)
+    for joint, (wrong, of) in misread.items():
         cause = "check its unit and sign, whether another joint drives it (`follows`), and whether "
         cause = dead_encoders(calibration.data, [joint]) or f"{cause}it slips"
         text = f"readings of joint {joint!r} would be wrong in {wrong} of {of} poses: {cause}"
@@ -76,7 +78,26 @@ def contradiction_findings(calibration: TreeCalibration) -> list[Finding]:
     found += _outvoted(calibration, seen)
     # A known body is held against poses as what it knows of noise and itself tells.
     poses = [] if calibration.anew else _of_poses(calibration)
-    return [*found, *poses]
+    failed = [*found, *poses]
+    others = [name for name in calibration.data.joint_names if name not in misread]
+    return [*_stood_still(calibration, others), *failed] if failed else []
+
+
+def _stood_still(calibration: TreeCalibration, others: list[str]) -> list[Finding]:
+    """Say which encoder stood still, of others throughout, or in what contradicts the rest."""
+    data, solution = calibration.data, calibration.solution
+    if dead := dead_encoders(data, others):
+        return [Finding(FAILURE, dead)]
+    table, read = data.observations, [i for i, joint in enumerate(data.joints) if joint.is_read]
+    told = np.flatnonzero((table.pose != ANY_POSE) & (data.seen_on != WORLD))
+    pose, slipped = table.pose[told], np.append(solution.slipped.any(axis=1), False)
+    off = solution.outliers[told] | slipped[np.minimum(data.visit[pose], len(slipped) - 1)]
+    names = [data.joints[i].name for i in read]
+    units = [data.joints[i].encoder_unit for i in read]
+    readings, sample = data.readings[pose][:, read], data.sample[pose]
+    stuck = stuck_encoder(names, units, readings, sample, off)
+    between = f"samples {sample[off].min()} to {sample[off].max()}" if stuck else ""
+    return [Finding(FAILURE, f"{between} contradict the rest, {stuck}")] if stuck else []
 
 
 def _outvoted(calibration: TreeCalibration, seen: TreeObservations) -> list[Finding]:

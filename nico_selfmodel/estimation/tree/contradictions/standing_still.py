@@ -15,6 +15,8 @@ _STILL = 1e-3
 """Travel of a joint that tells no axis [rad]."""
 _STILL_SLIDE = 1e-5
 """The same of a joint that shifts [m]."""
+_HARDLY = 0.01
+"""And of one that hardly moved beside others of its kind, as a share of their median travel."""
 _FEWEST = 3
 """Poses in which a value that is the same to the last digit is no accident."""
 
@@ -71,10 +73,23 @@ def dead_encoders(data: BodyDataset, joints: Collection[str]) -> str:
         data: The recording.
         joints: Names.
     """
-    still = sorted(still_readings(data) & set(joints))
+    never = still_readings(data)
+    still = sorted((never | _hardly_moved(data)) & set(joints))
     if not still:
         return ""
-    return f"readings of {listed(still)} never change: if it moved, its encoder stands still"
+    change = "never change" if never >= set(still) else "hardly change"
+    return f"readings of {listed(still)} {change}: if it moved, its encoder stands still"
+
+
+def _hardly_moved(data: BodyDataset) -> set[str]:
+    """Return joints whose readings changed far less than those of most others of their kind."""
+    travel = np.ptp(data.si_readings, axis=0)
+    found = set[str]()
+    for motion in (REVOLUTE, PRISMATIC):
+        own = [i for i, j in enumerate(data.joints) if j.motion == motion and j.is_read]
+        usual = _HARDLY * float(np.median(travel[own])) if own else 0.0
+        found |= {data.joints[i].name for i in own if travel[i] < usual}
+    return found
 
 
 def _frozen(data: BodyDataset, travel: NDArray) -> tuple[str, str, int] | None:

@@ -22,6 +22,7 @@ from nico_selfmodel.geometry.rotation import tangent_basis
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.model.encoder_units import ANGLES
 from nico_selfmodel.model.tree.body_tree import PRISMATIC, REVOLUTE, WORLD, Attached, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import listed
@@ -34,7 +35,7 @@ _AGREEING, _ALIKE = 3, 1.01
 _MOST_MARKERS = 24
 """Markers of a link by which its joints are searched, those that were located most often: a start
 gains nothing from the corners of dozens of tags, each of which is three numbers more to find."""
-_SIGMA = 1e-3
+POINT_SIGMA = 1e-3
 """Whitening of points whose noise is not known [m]; it only sets units."""
 
 
@@ -144,7 +145,7 @@ def _searched(
     seed: int,
 ) -> BodyTree:
     """Search the lines of joints that carry the points, and put both into the body."""
-    observations = _observations(data, tree, joints, own, local)
+    observations = limb_observations(data, tree, joints, own, local)
     known = np.array([data.joints[i].gear_known for i in joints])
     shifting = np.array([tree.motions[i] == PRISMATIC for i in joints])
     zero = np.where(known | shifting, 0.0, np.median(observations.angles, axis=0))
@@ -154,7 +155,7 @@ def _searched(
     if shifting.any():
         return _best_of(data, tree, joints, own, local, drawn)
     starts = ((RANDOM, arm) for arm in drawn)
-    arm = search_starts(observations, few, starts, known, _SIGMA, "cauchy").best.arm
+    arm = search_starts(observations, few, starts, known, POINT_SIGMA, "cauchy").best.arm
     return _with_arm(tree, joints, own, arm)
 
 
@@ -187,13 +188,25 @@ def _with_arm(tree: BodyTree, joints: list[int], own: NDArray, arm: ArmEstimate)
     return _with_chain(tree, joints, own, chain, arm.gear)
 
 
-def _observations(
+def limb_observations(
     data: BodyDataset,
     tree: BodyTree,
     joints: list[int],
     own: NDArray,
     local: SeenPoints,
 ) -> Observations:
+    """Return points on one link as the search for the axes of an arm takes them.
+
+    Args:
+        data: The recording.
+        tree: What carries what.
+        joints: Those that move the points, which turn or shift.
+        own: Markers of the link.
+        local: Their points, in the frame that carries the first of the joints.
+
+    Raises:
+        DataError: If a joint neither turns nor shifts, or the points are too few.
+    """
     names = tuple(data.joints[i].name for i in joints)
     wrong = [data.joints[i].name for i in joints if tree.motions[i] not in (REVOLUTE, PRISMATIC)]
     if wrong:
@@ -210,10 +223,15 @@ def _observations(
         )
     q = data.si_readings @ tree.coupling.T
     count = len(names)
+    own_units = [data.joints[i].encoder_unit for i in joints]
     units = ServoMap(
-        names, np.zeros(count), np.ones(count), ("rad",) * count, np.full(count, np.nan),
+        names,
+        np.zeros(count),
         np.ones(count),
-    )  # fmt: skip
+        tuple(unit if unit in ANGLES else "rad" for unit in own_units),
+        np.array([data.joints[i].counts_per_turn or 1.0 for i in joints]),
+        np.array([data.joints[i].sign for i in joints]),
+    )
     return Observations(
         names,
         tuple(data.markers[m].name for m in own.tolist()),
