@@ -156,9 +156,6 @@ class _Misfit:
 def foreign_marker(observations: Observations) -> str | None:
     """Say which markers are not on one link: the hand is rigid, their distances must not change.
 
-    Args:
-        observations: What was measured.
-
     Returns:
         A sentence, or None where all distances stay.
     """

@@ -207,9 +207,6 @@ def unwrapped_readings(observations: Observations) -> tuple[NDArray, list[int]]:
     Readings that were folded into one turn leave out an arc in their middle and reach to both ends
     of the turn. Those below the widest gap are carried on by one turn.
 
-    Args:
-        observations: What was measured.
-
     Returns:
         Encoder angles [rad], shape (N, n), and the joints that were changed.
     """

@@ -52,11 +52,7 @@ _LARGEST_MISS = 0.03
 
 
 def contradiction_findings(calibration: TreeCalibration) -> list[Finding]:
-    """Return what speaks against lenses, lengths, readings and labels as they were told.
-
-    Args:
-        calibration: What was learned.
-    """
+    """Return what speaks against lenses, lengths, readings and labels as they were told."""
     residuals = TreeResiduals(calibration.train.observations, calibration.parameters)
     seen, solution = residuals.observations, calibration.solution
     sliding = _sliding(calibration)
@@ -141,11 +137,7 @@ def _of_poses(calibration: TreeCalibration) -> list[Finding]:
 
 
 def misdescribed_words(calibration: TreeCalibration) -> list[str]:
-    """Name joints whose axis or place is much farther from the description than others'.
-
-    Args:
-        calibration: What was learned.
-    """
+    """Name joints whose axis or place is much farther from the description than others'."""
     joints, index = calibration.tree.joints, calibration.parameters.index
     if calibration.description is None or len(joints) < _FEWEST_DESCRIBED:
         return []
@@ -170,11 +162,7 @@ def misdescribed_words(calibration: TreeCalibration) -> list[str]:
 
 
 def missed_touches(calibration: TreeCalibration) -> list[str]:
-    """Say which touches and distances are missed by what is no noise.
-
-    Args:
-        calibration: What was learned.
-    """
+    """Say which touches and distances are missed by what is no noise."""
     left = calibration.train.of_touches(~calibration.solution.outliers)
     missed = {name: float(np.sqrt(np.mean(far**2))) for name, far in left.items()}
     return [
@@ -235,11 +223,7 @@ def _of_sensors(calibration: TreeCalibration, *, lengths: bool) -> list[Finding]
 
 
 def size_words(calibration: TreeCalibration) -> list[str]:
-    """Say where lengths rest on a target's stated size, and how well all else tells that.
-
-    Args:
-        calibration: What was learned.
-    """
+    """Say where lengths rest on a target's stated size, and how well all else tells that."""
     poses = {s.name for s in calibration.data.sensors if s.kind == POSES}
     rests = {name: f"of what sensor {name!r} takes the poses of" for name in poses}
     boards = (calibration.data.joints[i].name for i in calibration.data.free_joints)

@@ -67,12 +67,7 @@ def still_readings(data: BodyDataset) -> set[str]:
 
 
 def dead_encoders(data: BodyDataset, joints: Collection[str]) -> str:
-    """Say which joints stand still in their readings, where a body does not fit; or nothing.
-
-    Args:
-        data: The recording.
-        joints: Names.
-    """
+    """Say which joints stand still in their readings, where a body does not fit; or nothing."""
     never = still_readings(data)
     still = sorted((never | _hardly_moved(data)) & set(joints))
     if not still:
