@@ -95,6 +95,11 @@ def ball(radius, pitch=5e-3, front=None):
     return surface_nets(grid, distance.reshape(grid.shape))
 
 
+def fair_of(mesh, tau=1e-3):
+    """Return the equations of a smooth surface, the same everywhere or at each vertex."""
+    return FairSurface.of(mesh, Neighbours.of(mesh), np.full(len(mesh.vertices), tau))
+
+
 def off(mesh):
     return np.linalg.norm(mesh.vertices - CENTER, axis=1) - RADIUS
 
@@ -162,11 +167,11 @@ def test_plain_paint_that_darkens_aside_looks_deeper_the_more_it_is_blurred():
 def test_surface_and_mirrors_move_at_once_as_a_dense_solution_says():
     views, _ = seen()
     mesh, rng = ball(0.03, 0.015), np.random.default_rng(3)
-    fair = FairSurface.of(mesh, Neighbours.of(mesh), 1e-3)
+    fair = fair_of(mesh, rng.uniform(5e-4, 1e-3, len(mesh.vertices)))
     size, count = len(mesh.vertices), len(views.values)
     own, coupling = rng.uniform(1e5, 1e6, size), rng.uniform(-1e6, 1e6, (size, count))
     bent = fair.bent(np.eye(size))
-    A = np.diag(own) + bent.T @ bent / fair.tau**2
+    A = np.diag(own) + bent.T @ (bent / fair.tau[:, None] ** 2)
     values = coupling.T @ np.linalg.solve(A, coupling) + 1e7 * np.eye(count)
     told = PictureEquations(
         own, rng.normal(0.0, 1e3, size), coupling, values, rng.normal(0.0, 1e3, count),
@@ -188,7 +193,7 @@ def test_surface_and_mirrors_move_at_once_as_a_dense_solution_says():
 @pytest.mark.parametrize("scale", [0.2, 1.0])
 def test_sigma_is_what_vertices_are_off_by_where_mirrors_and_cameras_are_wrong(scale):
     mesh, rng, draws = ball(0.03, 0.01), np.random.default_rng(5), 400
-    fair = FairSurface.of(mesh, Neighbours.of(mesh), 1e-3)
+    fair = fair_of(mesh)
     size = len(mesh.vertices)
     own = rng.uniform(1e6, 3e6, size)
     coupling = own[:, None] * rng.uniform(0.5, 1.5, 7)
@@ -198,7 +203,7 @@ def test_sigma_is_what_vertices_are_off_by_where_mirrors_and_cameras_are_wrong(s
         np.ones(size), np.full(size, 9),
     )  # fmt: skip
     noise = np.sqrt(own)[:, None] * rng.standard_normal((size, draws))
-    noise += fair.unbent(rng.standard_normal((size, draws))) / fair.tau
+    noise += fair.unbent(rng.standard_normal((size, draws)) / fair.tau[:, None])
     off = fair.solved(own, noise - coupling @ root @ rng.standard_normal((7, draws)))
     sigma = refinement._sigma(told, fair, root @ root.T, rng)
     assert np.sqrt(np.mean((off / sigma[:, None]) ** 2)) == pytest.approx(1.0, abs=0.1)
@@ -244,13 +249,12 @@ def test_pixels_of_mirrored_points_move_with_the_cameras_as_is_said():
 
 def test_a_ball_is_expected_as_it_is_and_a_dent_is_pulled_out():
     mesh = ball(RADIUS)
-    neighbours = Neighbours.of(mesh)
-    fair = FairSurface.of(mesh, neighbours, 1e-3)
-    assert np.abs(fair.bend).max() < 0.2 * fair.tau
+    fair = fair_of(mesh)
+    assert np.abs(fair.bend).max() < 0.2e-3
     dent = np.zeros(len(mesh.vertices))
     dent[100] = -2e-3
     dented = mesh.moved(mesh.vertices + dent[:, None] * mesh.normals)
-    fair = FairSurface.of(dented, neighbours, 1e-3)
+    fair = fair_of(dented)
     step = fair.solved(np.full(len(dent), 1e2), fair.pull[:, None])[:, 0]
     assert np.argmax(step) == 100
     assert step[100] > 1e-3
@@ -258,15 +262,59 @@ def test_a_ball_is_expected_as_it_is_and_a_dent_is_pulled_out():
 
 def test_conjugate_gradients_solve_what_a_dense_matrix_solves():
     mesh = ball(0.03, 0.015)
-    fair = FairSurface.of(mesh, Neighbours.of(mesh), 1e-3)
+    fair = fair_of(mesh, np.linspace(4e-4, 1e-3, len(mesh.vertices)))
     size = len(mesh.vertices)
     diagonal = np.linspace(1e5, 1e6, size)
     bent = fair.bent(np.eye(size))
-    dense = np.diag(diagonal) + bent.T @ bent / fair.tau**2
+    dense = np.diag(diagonal) + bent.T @ (bent / fair.tau[:, None] ** 2)
     right = np.random.default_rng(0).standard_normal((size, 3))
     np.testing.assert_allclose(
         fair.solved(diagonal, right), np.linalg.solve(dense, right), rtol=1e-2, atol=1e-9
     )
+
+
+@pytest.mark.parametrize("start", [1e-3, 3e-4])
+def test_each_patch_tells_how_much_it_bends_and_what_nobody_sees_tells_nothing(start):
+    mesh, rng = ball(0.08), np.random.default_rng(7)
+    aside = mesh.vertices[:, 0] - CENTER[0]
+    true = fair_of(mesh, np.where(aside > 0.0, 9e-4, 3.5e-4))
+    size = len(mesh.vertices)
+    surface = true.drawn(np.full(size, 1e-2 / 1e-6), rng, 1, 300)
+    own = np.full(size, 1.0 / 0.4e-3**2)
+    seen = surface + 0.4e-3 * rng.standard_normal((size, 1))
+    shown = mesh.vertices[:, 1] < CENTER[1] + 0.02
+    tau = np.full(size, start)
+    for _ in range(8):
+        fair = replace(true, tau=tau)
+        best = fair.solved(own, own[:, None] * seen)
+        at_best = replace(fair, bend=fair.bent(best)[:, 0])
+        tau = at_best.told(fair.drawn(own, rng, 16, 80), shown, start)
+    inside = mesh.vertices[:, 1] < CENTER[1] - 0.02
+    for part, expected in ((aside > 0.03, 9e-4), (aside < -0.03, 3.5e-4)):
+        told = np.sqrt(np.mean(tau[inside & part] ** 2))
+        assert told == pytest.approx(expected, rel=0.15)
+    far = mesh.vertices[:, 1] > CENTER[1] + 0.075
+    np.testing.assert_allclose(tau[far], start, rtol=0.05)
+
+
+def sigma_of(chi_square, looks=refinement.FEWEST):
+    mesh = ball(0.03, 0.01)
+    size = len(mesh.vertices)
+    each = np.ones(size)
+    each[7] = chi_square
+    told = PictureEquations(
+        np.full(size, 1e6), np.zeros(size), np.zeros((size, 1)), np.eye(1), np.zeros(1),
+        np.zeros((size, 3)), each, np.full(size, looks),
+    )  # fmt: skip
+    return refinement._sigma(told, fair_of(mesh), np.eye(1), np.random.default_rng(0))
+
+
+def test_what_disagrees_in_pictures_is_less_sure_with_all_about_it_but_for_an_odd_place():
+    plain, some, most = (sigma_of(one) for one in (1.0, 0.9 * refinement._ODD, refinement._ODD))
+    assert (some > 1.05 * plain).mean() > 0.3
+    assert (most > some).mean() > 0.3
+    assert np.array_equal(sigma_of(1e6), most)
+    assert np.array_equal(sigma_of(1e6, refinement.FEWEST - 1), plain)
 
 
 def test_values_between_pixels_are_linear_and_beyond_the_picture_unknown():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import EstimationError
-from nico_selfmodel.estimation.shape.refinement import RefinedSurface
+from nico_selfmodel.estimation.shape.refinement import FEWEST, RefinedSurface
 from nico_selfmodel.experiments.mirror_test import stages, structure
 from nico_selfmodel.experiments.mirror_test.structure import LinkStructure, StructureStage
 from nico_selfmodel.experiments.mirror_test.structure_report import (
@@ -20,7 +20,7 @@ from nico_selfmodel.geometry.surface_nets import surface_nets
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.geometry.voxel_grid import VoxelGrid
 from nico_selfmodel.model.cameras.mirror import Mirror
-from nico_selfmodel.sessions.mirrors.learned_shape import FEWEST, Skeleton, claimed
+from nico_selfmodel.sessions.mirrors.learned_shape import Skeleton, claimed
 from nico_selfmodel.sessions.mirrors.shape_looks import SHAPE_MIRRORS, well_told
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.simulated.imperfections import imperfections_named

@@ -17,9 +17,13 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
 
-_PATCH = 12
-"""How often neighbours are averaged for the mean over a patch."""
+PATCH = 20
+"""How often neighbours are averaged where a patch tells how it errs: over some 25 mm."""
+_NEARBY = 12
+"""How often they are for how a surface bends nearby."""
 _CONVERGED = 1e-4
+_FEW, _BENDS = 0.01, (2e-4, 2e-3)
+"""Share of a patch that is too little to tell tau, and within what tau is looked for [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,15 +77,15 @@ class FairSurface:
     """Of its mesh."""
     bend: NDArray
     """u - S u of the vertices [m]. Shape (V,)."""
-    tau: float
-    """By how much it may be off [m]."""
+    tau: NDArray
+    """By how much it may be off [m]. Shape (V,)."""
 
     @classmethod
-    def of(cls, mesh: TriangleMesh, neighbours: Neighbours, tau: float) -> "FairSurface":
+    def of(cls, mesh: TriangleMesh, neighbours: Neighbours, tau: NDArray) -> "FairSurface":
         """Take a surface as it is."""
         off = mesh.vertices - neighbours.means(mesh.vertices)
         u = np.sum(mesh.normals * off, axis=1)
-        return cls(neighbours, u - neighbours.smoothed(u, _PATCH), tau)
+        return cls(neighbours, u - neighbours.smoothed(u, _NEARBY), tau)
 
     def bent(self, x: NDArray) -> NDArray:
         """Return M x. Shape (V, k)."""
@@ -94,10 +98,10 @@ class FairSurface:
     @property
     def pull(self) -> NDArray:
         """What the equations ask displacements for. Shape (V,)."""
-        return -self.unbent(self.bend[:, None])[:, 0] / self.tau**2
+        return -self.unbent((self.bend / self.tau**2)[:, None])[:, 0]
 
     def solved(self, diagonal: NDArray, right: NDArray, steps: int = 300) -> NDArray:
-        """Return the x of (diag + M' M / tau^2) x = right, by conjugate gradients.
+        """Return the x of (diag + M' tau^-2 M) x = right, by conjugate gradients.
 
         Args:
             diagonal: Information of each vertex; where there is none at all, x stays near zero
@@ -105,12 +109,56 @@ class FairSurface:
             right: Shape (V, k).
             steps: At most.
         """
+        diagonal, weight = diagonal[:, None], 1.0 / self.tau[:, None] ** 2
 
         def apply(x: NDArray) -> NDArray:
-            return diagonal[:, None] * x + self.unbent(self.bent(x)) / self.tau**2
+            return diagonal * x + self.unbent(weight * self.bent(x))
 
-        scale = 1.0 / (diagonal + 1.2 / self.tau**2)
-        return _conjugate_gradients(apply, right, scale[:, None], steps)
+        return _conjugate_gradients(apply, right, 1.0 / (diagonal + 1.2 * weight), steps)
+
+    def drawn(self, diagonal: NDArray, rng: np.random.Generator, count: int, steps: int) -> NDArray:
+        """Return what a surface may be displaced by: draws of the covariance of `solved`.
+
+        With A = D + M' tau^-2 M, A^-1 (D^(1/2) e + M' tau^-1 f) has the covariance A^-1.
+
+        Args:
+            diagonal: D, as in `solved`. Shape (V,).
+            rng: Source of e and f.
+            count: How many.
+            steps: Of the conjugate gradients.
+
+        Returns:
+            Shape (V, count).
+        """
+        e, f = rng.standard_normal((2, len(diagonal), count))
+        right = np.sqrt(diagonal)[:, None] * e + self.unbent(f / self.tau[:, None])
+        return self.solved(diagonal, right, steps)
+
+    def told(self, drawn: NDArray, shown: NDArray, before: float) -> NDArray:
+        """Return the tau that a surface tells which fits best, another in each patch.
+
+        With b what bends otherwise than nearby where a surface fits best, x what it may still be
+        off by, and sums over what is shown of the patch about a vertex, the likeliest fulfils
+
+            tau^2 = sum b^2 / sum (1 - E (M x)^2 / tau^2)
+
+        (MacKay 1992, Bayesian Interpolation): where pictures tell little, a surface is smooth
+        because it was expected to be, which the sum below leaves out.
+
+        Args:
+            drawn: x, as often as `drawn` drew them with the tau before. Shape (V, k).
+            shown: Which vertices tell it. Shape (V,).
+            before: tau where hardly any is near that tells [m].
+
+        Returns:
+            Shape (V,).
+        """
+        told = np.maximum(1.0 - np.mean(self.bent(drawn) ** 2, axis=1) / self.tau**2, 0.0)
+        bends, known = self.neighbours.smoothed(
+            np.column_stack([self.bend**2, told]) * shown[:, None], PATCH
+        ).T
+        tau = np.sqrt((bends + _FEW * before**2) / (known + _FEW))
+        return np.clip(tau, *_BENDS)
 
 
 def _conjugate_gradients(

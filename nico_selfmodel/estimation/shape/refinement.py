@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import read_only
-from nico_selfmodel.estimation.shape.fair_surface import FairSurface, Neighbours
+from nico_selfmodel.estimation.shape.fair_surface import PATCH, FairSurface, Neighbours
 from nico_selfmodel.estimation.shape.picture_equations import PictureEquations
 from nico_selfmodel.estimation.shape.shape_views import ShapeViews
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
@@ -48,8 +48,12 @@ STEPS = (
     *(Step(0.5, 1.5, TOGETHER),) * 6,
 )
 """What is done in turn."""
-BEND_SIGMA = 1e-3
-"""By how much a surface bends otherwise than nearby, over an edge of a mesh [m]."""
+_BEND_SIGMA = 1e-3
+"""By how much surfaces bend otherwise than nearby, over an edge of a mesh, until they tell [m]."""
+FEWEST = 10
+"""Pictures that must show a place, and those next to it, for it to be claimed or tell of others."""
+_ODD = 100.0
+"""A chi-square beyond which a place is odd by itself, and tells no more of those about it."""
 _FARTHEST = 6e-3
 """That a vertex moves in one step [m]."""
 _SAMPLES, _STEPS = 16, 80
@@ -83,6 +87,12 @@ class RefinedSurface:
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
+def well_shown(found: PictureEquations | RefinedSurface, neighbours: Neighbours) -> NDArray:
+    """Return which vertices enough pictures show, as all about them. Shape (V,)."""
+    shown = (found.looks >= FEWEST) & np.isfinite(found.colors).all(axis=1)
+    return shown & (neighbours.means(shown.astype(float)) == 1.0)
+
+
 def refine_surface(
     mesh: TriangleMesh,
     blurred: Callable[[float], ShapeViews],
@@ -101,9 +111,13 @@ def refine_surface(
     neighbours = Neighbours.of(mesh)
     before = replace(blurred(STEPS[0].levels), views=())  # whose pictures are not kept
     values, covariance = before.values, before.covariance
+    tau = np.full(len(mesh.vertices), _BEND_SIGMA)
     for k, step in enumerate(STEPS):
-        found, fair = _equations(mesh, neighbours, blurred, step, values)
+        found, fair = _equations(mesh, neighbours, blurred, step, values, tau)
         if step.mirrors == TOGETHER:
+            drawn = fair.drawn(found.own, rng, _SAMPLES, _STEPS)
+            tau = fair.told(drawn, well_shown(found, neighbours), _BEND_SIGMA)
+            fair = replace(fair, tau=tau)
             by, change, covariance = _together(before, values, found, fair)
         else:
             by = fair.solved(found.own, (found.pull + fair.pull)[:, None])[:, 0]
@@ -113,7 +127,7 @@ def refine_surface(
         mesh = mesh.moved(mesh.vertices + by[:, None] * mesh.normals)
         if progress:
             progress(k + 1, len(STEPS))
-    found, fair = _equations(mesh, neighbours, blurred, STEPS[-1], values)
+    found, fair = _equations(mesh, neighbours, blurred, STEPS[-1], values, tau)
     sigma = _sigma(found, fair, covariance, rng)
     return RefinedSurface(mesh, sigma, found.colors, found.looks, before.placed(values).mirrors)
 
@@ -124,11 +138,12 @@ def _equations(
     blurred: Callable[[float], ShapeViews],
     step: Step,
     values: NDArray,
+    tau: NDArray,
 ) -> tuple[PictureEquations, FairSurface]:
     """Return what pictures and smoothness tell where surface and mirrors are now."""
     views = blurred(step.levels).placed(values)
     found = PictureEquations.of(mesh, views, blurred(step.slopes))
-    return found, FairSurface.of(mesh, neighbours, BEND_SIGMA)
+    return found, FairSurface.of(mesh, neighbours, tau)
 
 
 def _together(
@@ -185,9 +200,10 @@ def _sigma(
 ) -> NDArray:
     """Return the standard deviations of vertices along their normals [m]. Shape (V,).
 
-    With A = D + M' M / tau^2, A^-1 (D^(1/2) e + M' f / tau) has the covariance A^-1, which grows
-    with the chi-square of the colours about a vertex. Where mirrors and cameras are wrong by y, the
-    pictures ask the surface for - A^-1 C y more, with C the coupling: with P the covariance of y
+    They are those of A^-1 (`FairSurface.drawn`), and grow with the chi-square of the colours about
+    a vertex: what has other colours in other pictures than expected, as where light is mirrored, is
+    wrong beyond the vertices that show it. Where mirrors and cameras are wrong by y, the pictures
+    ask the surface for - A^-1 C y more, with C the coupling: with P the covariance of y
 
         sigma^2 = chi^2 diag(A^-1) + diag(A^-1 C P C' A^-1)
 
@@ -197,15 +213,13 @@ def _sigma(
         found: What the pictures tell of the surface.
         fair: How smooth it is.
         covariance: P. Shape (3 M + c, 3 M + c).
-        rng: Source of e and f.
+        rng: Source of the draws.
     """
-    size = len(found.own)
-    noise = rng.standard_normal((2, size, _SAMPLES))
-    right = np.sqrt(found.own)[:, None] * noise[0] + fair.unbent(noise[1]) / fair.tau
-    drawn = fair.solved(found.own, right, _STEPS)
     smooth = fair.neighbours.smoothed
+    drawn = fair.drawn(found.own, rng, _SAMPLES, _STEPS)
     alone = smooth(np.mean(drawn**2, axis=1), 3)
-    agreeing = np.maximum(1.0, smooth(np.minimum(found.chi_square, 30.0), 2))
+    shown = well_shown(found, fair.neighbours).astype(float)
+    agreeing = np.maximum(1.0, smooth(np.minimum(found.chi_square, _ODD), PATCH, shown))
     by_value = fair.solved(found.own, found.coupling, _STEPS)
     common = np.einsum("vi,ij,vj->v", by_value, covariance, by_value)
     return np.sqrt(agreeing * alone + common)

@@ -75,25 +75,34 @@ class _Session:
 
     def trial(self, kind: str, remove: bool, rng: np.random.Generator) -> tuple[MarkTrial, Pair]:
         """Look, let somebody paint or not, look again and into the other mirror, and judge."""
-        looks, context = self._looks, self._looks.body.context
         first, second = (self._command(name, rng) for name in (MIRROR, TURNED))
+        painted, found, here = self._painted(kind, (first, second), rng)
+        self._station.wipe(self._looks.body.context)
+        after = None
+        if remove:
+            again = self._looks.look(second)
+            self._before(MIRROR)
+            after = self._finder.find((MIRROR, TURNED), (self._looks.look(first), again))
+        return MarkTrial(self._known.robot.seed, painted, found, after), here
+
+    def _painted(
+        self, kind: str, commands: tuple[NDArray, NDArray], rng: np.random.Generator
+    ) -> tuple[Painted, tuple[Finding, ...], Pair]:
+        """Return what was done, what is said of it, and the look in which it was seen first.
+
+        What has changed in all of a picture is large, and given back before the next looks.
+        """
+        looks, context = self._looks, self._looks.body.context
         self._station.stand_other(context, STANDING_BESIDE if kind == OTHER_ROBOT else None)
         self._before(MIRROR)
-        shot = looks.shot(MIRROR, first)
+        shot = looks.shot(MIRROR, commands[0])
         painted = self._painter.paint(kind, rng)
         looks.body.simulator.AdvanceTo(context.get_time() + _WAIT)
         here = looks.judge()
         changes = looks.changes(shot, here)
         self._before(TURNED)
-        there = looks.look(second)
-        found = self._finder.find((MIRROR, TURNED), (here, there), changes)
-        after = None
-        self._station.wipe(context)
-        if remove:
-            again = looks.look(second)
-            self._before(MIRROR)
-            after = self._finder.find((MIRROR, TURNED), (looks.look(first), again))
-        return MarkTrial(self._known.robot.seed, painted, found, after), here
+        there = looks.look(commands[1])
+        return painted, self._finder.find((MIRROR, TURNED), (here, there), changes), here
 
     def _before(self, name: str) -> None:
         self._looks.before(self._known.body.mirror(name), self._views[name].X_BM)

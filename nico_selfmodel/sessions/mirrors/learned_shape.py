@@ -10,7 +10,11 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.mirrors.mark_place import GATE_3
 from nico_selfmodel.estimation.shape.fair_surface import Neighbours
 from nico_selfmodel.estimation.shape.fusion import DepthView, first_surface
-from nico_selfmodel.estimation.shape.refinement import RefinedSurface, refine_surface
+from nico_selfmodel.estimation.shape.refinement import (
+    RefinedSurface,
+    refine_surface,
+    well_shown,
+)
 from nico_selfmodel.estimation.shape.shape_views import ShapeView, ShapeViews
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.geometry.voxel_grid import VoxelGrid
@@ -36,8 +40,6 @@ _BODY = -0.5
 """What is so far inside of the outline is not mixed with the room [px]."""
 _SHARE = 0.8
 """Of the way to a joint that a link's line goes."""
-FEWEST = 10
-"""Pictures that must show a place, and those next to it, before its shape is claimed."""
 _VAGUE = 3e-3
 """What is less well known is not claimed: smoothness alone holds it, as across a notch [m]."""
 
@@ -232,6 +234,4 @@ def claimed(found: RefinedSurface) -> NDArray:
     Where what is seen ends, a surface is held by smoothness from one side alone, and what hides it
     is near: vertices there are off by twice their sigma.
     """
-    shown = (found.looks >= FEWEST) & np.isfinite(found.colors).all(axis=1)
-    around = Neighbours.of(found.mesh).means(shown.astype(float))
-    return shown & (around == 1.0) & (found.sigma < _VAGUE)
+    return well_shown(found, Neighbours.of(found.mesh)) & (found.sigma < _VAGUE)

@@ -5,7 +5,9 @@ all that is drawn, or where they do not tell a coarse picture of labels, say whe
 only that part is rendered in full.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -213,7 +215,12 @@ class CroppedRender:
         """
         window = self._window(query)
         depth = self._depths(query, window)
+        self._nothing(query, query.RenderDepthImage)
         return self._whole(query, window), depth
+
+    def emptied(self, query: QueryObject) -> None:
+        """Let the renderer give back what it keeps of its last picture."""
+        self._nothing(query, query.RenderColorImage)
 
     def _depths(self, query: QueryObject, window: Window) -> NDArray:
         """Return distances in a window, inf elsewhere. Shape (h, w)."""
@@ -232,25 +239,30 @@ class CroppedRender:
     def with_labels(self, query: QueryObject) -> LabelledPicture:
         """Render colours, distances and labels.
 
-        A renderer keeps buffers as large as its last picture of each kind, 0.1 GB in all: before it
-        draws the next kind, a small picture of nothing takes their place.
-
         Raises:
             RuntimeError: If the scene graph has no such renderer.
         """
         left, top, right, bottom = window = self._window(query)
-        small, nowhere = (_SMALL_K, (_SMALL, _SMALL)), (query.inspector().world_frame_id(), _BEYOND)
-        depth = self._depths(query, window)
-        query.RenderDepthImage(self._ranging(*small), *nowhere)
-        color = self._whole(query, window)
-        query.RenderColorImage(self._camera(*small), *nowhere)
+        color, depth = self.with_depth(query)
+        self._nothing(query, query.RenderColorImage)
         camera = self._camera(self._cropped(window), (right - left, bottom - top))
         labels = np.full(depth.shape, int(RenderLabel.kEmpty), np.int16)
         found = query.RenderLabelImage(camera, self.frame, self.X_FC)
         labels[top:bottom, left:right] = found.data[:, :, 0]
-        query.RenderLabelImage(self._camera(*small), *nowhere)
+        self._nothing(query, query.RenderLabelImage)
         trim_memory()
         return LabelledPicture(color, depth, labels)
+
+    def _nothing(self, query: QueryObject, render: Callable[..., Any]) -> None:
+        """Render a small picture of nothing.
+
+        A renderer keeps buffers as large as its last picture of each kind, 0.1 GB in all: before it
+        draws the next kind, such a picture takes their place.
+        """
+        small = _SMALL_K, (_SMALL, _SMALL)
+        depth = render == query.RenderDepthImage
+        camera = self._ranging(*small) if depth else self._camera(*small)
+        render(camera, query.inspector().world_frame_id(), _BEYOND)
 
     def _whole(self, query: QueryObject, window: Window) -> NDArray:
         """Return the whole picture after rendering a part of it."""

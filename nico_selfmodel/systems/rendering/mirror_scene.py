@@ -249,6 +249,7 @@ def show_mirrors(
     seen, depth = camera.with_depth(query)
     for glass in glasses:
         glass.show(query, camera, X_WC, seen, depth)
+    camera.emptied(query)
     return seen
 
 
