@@ -84,7 +84,7 @@ def test_limbs_are_asked_alone_only_where_the_first_body_is_poor(cost, asked):
     found = searched_start(data, blank_body(data, {}), None, Wishes(), 0, most=1)
     found = replace(found, start=replace(found.start, cost=cost * found.scalars))
     with pytest.raises(DataError) if asked else nullcontext():
-        start_as_it_was_read(data, np.ones(3, dtype=bool), lambda _: found)
+        start_as_it_was_read(data, np.ones(3, dtype=bool), lambda *_: found)
 
 
 @pytest.mark.parametrize("first", [36, pytest.param(48, marks=pytest.mark.slow)])

@@ -18,10 +18,10 @@ _SMALLER = 0.3
 """Part of the errors that may be left without a sensor that is wrong: a noisy robot keeps its. Two
 that leave less unlike errors than this may both be."""
 _TRIED = 40
-"""Samples on which sensors are left out, drawn at random."""
+"""Samples on which sensors are left out, or readings mended."""
 _FEWEST = 10
 """Observations of a link that tell how large errors usually are."""
-_STARTS = 2
+FEW_STARTS = 2
 """First bodies that are tried for each; as many as ever where errors fall, but are no noise yet."""
 
 Search = Callable[[BodyDataset, int | None], FoundStart]
@@ -46,8 +46,7 @@ def refuse_odd_sensor(found: FoundStart, data: BodyDataset, search: Search, seed
     worst = largest_error(found, data)
     if worst < LARGEST_NOISE:
         return
-    drawn = np.random.default_rng((seed, 11)).permutation(len(data.sample))
-    few, parameters = data.select(drawn < _TRIED), found.start.parameters
+    few, parameters = some_samples(data, seed), found.start.parameters
     left_by = dict[str, float]()
     for s, sensor in enumerate(data.sensors):
         rest = few.observations.sensor != s
@@ -56,7 +55,7 @@ def refuse_odd_sensor(found: FoundStart, data: BodyDataset, search: Search, seed
         left = few.of_rows(rest)
         if (moving_joints(left, parameters) != moving_joints(few, parameters)).any():
             continue
-        for most in (_STARTS, None):
+        for most in (FEW_STARTS, None):
             try:
                 left_by[sensor.name] = largest_error(search(left, most), left)
             except SelfModelError:
@@ -67,6 +66,17 @@ def refuse_odd_sensor(found: FoundStart, data: BodyDataset, search: Search, seed
     if least < min(LARGEST_NOISE, _SMALLER * worst):
         wrong = [name for name, error in left_by.items() if error < least / _SMALLER]
         raise DataError(_words(wrong, data.name))
+
+
+def some_samples(data: BodyDataset, seed: int) -> BodyDataset:
+    """Return as many samples, drawn at random, as tell whether a recording fits.
+
+    Args:
+        data: The recording.
+        seed: Of the draw.
+    """
+    drawn = np.random.default_rng((seed, 11)).permutation(len(data.sample))
+    return data.select(drawn < _TRIED)
 
 
 def largest_error(found: FoundStart, data: BodyDataset) -> float:

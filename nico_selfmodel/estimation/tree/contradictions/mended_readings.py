@@ -1,6 +1,5 @@
 """Joints read in another unit than stated, the other way round, for another: mended, they fit."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import islice
 
@@ -20,6 +19,12 @@ from nico_selfmodel.estimation.initialization.start_search import (
     few_rows,
     search_starts,
 )
+from nico_selfmodel.estimation.tree.contradictions.against_the_rest import (
+    FEW_STARTS,
+    Search,
+    some_samples,
+)
+from nico_selfmodel.estimation.tree.contradictions.standing_still import still_readings
 from nico_selfmodel.estimation.tree.guesses.carried_cameras import reconstructed_by
 from nico_selfmodel.estimation.tree.guesses.point_guess import (
     POINT_SIGMA,
@@ -38,9 +43,6 @@ _POOR = 4.0
 
 _LIMB_STARTS = 10
 """Random starts of a limb of which all is asked anew."""
-
-Search = Callable[[BodyDataset], FoundStart]
-"""Finds a first body of a recording."""
 
 
 def start_as_it_was_read(
@@ -64,23 +66,25 @@ def start_as_it_was_read(
     found = _in_stated_units(data, moving, search)
     if found.start.cost > _POOR * found.scalars:
         if described:
-            _refuse_reversed(found, data, moving, search)
+            _refuse_reversed(data, moving, search, seed)
         else:
             _refuse_misread_limbs(found, data, seed)
     return found
 
 
-def _refuse_reversed(found: FoundStart, data: BodyDataset, moving: NDArray, search: Search) -> None:
-    """Refuse readings of a joint that fit far better with their sign changed."""
-    better = []
+def _refuse_reversed(data: BodyDataset, moving: NDArray, search: Search, seed: int) -> None:
+    """Refuse readings of a joint that fit far better with their sign changed, by some samples."""
+    few, still = some_samples(data, seed), still_readings(data)
+    better, stated = [], _tried(few, search, FEW_STARTS)
     for i in np.flatnonzero(moving).tolist():
-        if data.joints[i].motion in WHOLE_POSES or data.joints[i].follows:
+        joint = data.joints[i]
+        if joint.motion in WHOLE_POSES or joint.follows or joint.name in still:
             continue
         factors = np.ones(len(data.joints))
         factors[i] = -1.0
-        mended = _tried(_times(data, factors), search)
-        if isinstance(mended, FoundStart) and _is_better(mended, found):
-            better.append((mended.start.cost, data.joints[i].name))
+        mended = _tried(_times(few, factors), search, FEW_STARTS)
+        if isinstance(mended, FoundStart) and _is_better(mended, stated):
+            better.append((mended.start.cost, joint.name))
     if better:
         raise DataError(
             f"{min(better)[1]!r} moves the other way than described: with its readings negated the "
@@ -149,7 +153,7 @@ def _in_stated_units(data: BodyDataset, moving: NDArray, search: Search) -> Foun
     """Return a first body; refuse readings that fit in another unit than stated."""
     factors = _in_doubt(data, moving)
     if (factors == 1.0).all():
-        return search(data)
+        return search(data, None)
     stated = _tried(data, search)
     mended = _tried(_times(data, factors), search)
     if isinstance(mended, SelfModelError) or not _is_better(mended, stated):
@@ -177,10 +181,12 @@ def _times(data: BodyDataset, factors: NDArray) -> BodyDataset:
     return replace(data, readings=data.readings * factors)
 
 
-def _tried(data: BodyDataset, search: Search) -> FoundStart | SelfModelError:
-    """Return a first body, or why there is none."""
+def _tried(
+    data: BodyDataset, search: Search, most: int | None = None
+) -> FoundStart | SelfModelError:
+    """Return a first body, of so many at most if that is told, or why there is none."""
     try:
-        return search(data)
+        return search(data, most)
     except SelfModelError as error:
         return error
 
