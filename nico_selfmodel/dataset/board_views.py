@@ -77,20 +77,23 @@ class BoardViews:
         """Return width and height of one camera's images [px]."""
         return self.image_sizes[self.cameras.index(camera)]
 
-    def placeable(self) -> "BoardViews":
-        """Return the views without what cannot place a board.
-
-        A camera's corners count where it saw at least four of them that are not on one line.
-        """
-        pixels = self.pixels.copy()
+    @property
+    def placing(self) -> NDArray:
+        """Whether a camera saw four corners of a board that are not on one line. Shape (V, C)."""
         seen = self.seen
-        for v, c in np.argwhere(seen.any(axis=2) & ~seen.all(axis=2)):
+        placing = np.array(seen.all(axis=2))
+        for v, c in np.argwhere(seen.any(axis=2) & ~placing):
             points = self.p_GQ[seen[v, c]]
             spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-            if len(points) < _FEWEST_CORNERS or spread[1] < 1e-6 * spread[0]:
-                pixels[v, :, 2 * c : 2 * c + 2] = np.nan
-        kept = replace(self, pixels=pixels)
-        return kept.select(kept.seen.any(axis=(1, 2)))
+            placing[v, c] = len(points) >= _FEWEST_CORNERS and spread[1] >= 1e-6 * spread[0]
+        return placing
+
+    def placeable(self) -> "BoardViews":
+        """Return the views without what cannot place a board: `placing`."""
+        placing = self.placing
+        kept = np.repeat(placing, 2, axis=1)[:, None]
+        pixels = np.where(kept, self.pixels, np.nan)
+        return replace(self, pixels=pixels).select(placing.any(axis=1))
 
     def pair(self, first: str, second: str) -> "BoardViews":
         """Return what two cameras saw, in all views."""

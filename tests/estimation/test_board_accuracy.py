@@ -17,6 +17,7 @@ from nico_selfmodel.estimation.cameras.board_accuracy import (
 )
 from nico_selfmodel.estimation.cameras.board_check import BoardCheck
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
+from nico_selfmodel.estimation.cameras.camera_initialization import within_reach
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
@@ -77,6 +78,16 @@ def test_held_out_boards_may_be_seen_by_one_camera_and_in_part():
     alone = held_out_residuals((RIG.left,), views.only("left"))
     assert alone.shape == (4, 54, 2)
     assert np.abs(alone).max() < 1e-6
+
+
+def test_a_board_of_which_a_lens_reaches_one_line_alone_is_beyond_it():
+    views = pictures(boards(3, 7))
+    line, two = np.zeros(54, bool), np.zeros(54, bool)
+    line[:5], two[:10] = True, True
+    for within, reached in ((line, False), (two, True)):
+        alone = views.only("left")
+        pixels = np.where(within[:, None], alone.pixels, np.nan)
+        assert within_reach((RIG.left,), replace(alone, pixels=pixels)).tolist() == [reached] * 3
 
 
 def test_a_board_that_no_camera_saw_cannot_be_held_out():

@@ -264,11 +264,11 @@ def pose_of_seen_boards(cameras: tuple[Camera, ...], views: BoardViews) -> NDArr
         EstimationError: If no camera saw a board, or not within the reach of its lens.
     """
     X_LG = np.full((len(views), 4, 4), np.nan)
-    for side, camera in reversed(list(zip(views.cameras, cameras, strict=True))):
-        d, told = _rays(camera, views.of_camera(side))
-        rows = np.flatnonzero(told)
-        X_LG[rows] = camera.X_WC @ flat_boards(views.p_GQ[:, :2], d[rows])
-    unseen = [views.names[v] for v in np.flatnonzero(np.isnan(X_LG[:, 0, 0]))]
+    d, placing = _rays(cameras, views)
+    for c, camera in reversed(list(enumerate(cameras))):
+        rows = np.flatnonzero(placing[:, c])
+        X_LG[rows] = camera.X_WC @ flat_boards(views.p_GQ[:, :2], d[c, rows])
+    unseen = [views.names[v] for v in np.flatnonzero(~placing.any(axis=1))]
     if unseen:
         raise EstimationError(
             f"no camera saw board {listed(unseen)}, or only beyond the fold of its lens"
@@ -278,14 +278,18 @@ def pose_of_seen_boards(cameras: tuple[Camera, ...], views: BoardViews) -> NDArr
 
 def within_reach(cameras: tuple[Camera, ...], views: BoardViews) -> NDArray:
     """Tell which boards some camera saw within the reach of its lens. Boolean, shape (V,)."""
-    sides = zip(views.cameras, cameras, strict=True)
-    return np.any([_rays(camera, views.of_camera(side))[1] for side, camera in sides], axis=0)
+    return np.asarray(_rays(cameras, views)[1].any(axis=1))
 
 
-def _rays(camera: Camera, pixels: NDArray) -> tuple[NDArray, NDArray]:
-    """Return directions of corners, (V, P, 3), and which boards have the four that place it."""
-    d = camera.directions(pixels.reshape(-1, 2)).reshape(*pixels.shape[:2], 3)
-    return d, np.isfinite(d).all(axis=2).sum(axis=1) >= 4
+def _rays(cameras: tuple[Camera, ...], views: BoardViews) -> tuple[NDArray, NDArray]:
+    """Return directions of corners, (C, V, P, 3), and which cameras' place a board. (V, C)."""
+    sides = zip(cameras, views.cameras, strict=True)
+    d = np.stack(
+        [camera.directions(views.of_camera(side).reshape(-1, 2)) for camera, side in sides]
+    )
+    d = d.reshape(len(cameras), *views.pixels.shape[:2], 3)
+    seen = np.repeat(np.isfinite(d[..., 0]).transpose(1, 2, 0), 2, axis=2)
+    return d, replace(views, pixels=np.where(seen, views.pixels, np.nan)).placing
 
 
 def flat_boards(plane: NDArray, directions: NDArray) -> NDArray:
