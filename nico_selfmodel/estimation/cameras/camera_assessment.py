@@ -54,7 +54,7 @@ class CameraAssessment:
     better_lens: str | None = None
     """The lens by which unseen boards are met better than by the one that was asked for."""
     rival_lens: str | None = None
-    """The lens that would be taken in place of the one asked for, which boards leave open."""
+    """The lens that boards do not tell from the one asked for: `LensChoice.rival`."""
     known: KnownCameras | None = None
     """What the cameras that were known before leave; None where none were given."""
     decentred: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""Joints read in another unit than stated, the other way round, for another: mended, they fit."""
+"""Joints read in another unit than stated, the other way, for another or late: mended, they fit."""
 
 from dataclasses import replace
 from itertools import islice
@@ -40,7 +40,6 @@ _SMALLER = 2.0
 """Times that errors are smaller with a unit that is mended, at least."""
 _POOR = 4.0
 """Robust cost a scalar of a first body from which on errors are several times a sensor's."""
-
 _LIMB_STARTS = 10
 """Random starts of a limb of which all is asked anew."""
 
