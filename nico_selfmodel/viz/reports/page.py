@@ -25,7 +25,7 @@ _PARTS = (
 _MEANING = {
     "PASS": "Held-out data were evaluated and no check failed.",
     "FAIL": "Do not rely on this model before the points below are settled.",
-    "NOT_EVALUATED": "No check failed, but the data are too few to say that it is right.",
+    "NOT_EVALUATED": "No check failed, but the data leave open whether it is right.",
 }
 
 _DARK_SCENE = (
