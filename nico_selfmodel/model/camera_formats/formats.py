@@ -57,7 +57,8 @@ def read_cameras(paths: Sequence[Path]) -> dict[str, Camera]:
     """Read cameras of any of `FORMATS`, told by what is in the file.
 
     Args:
-        paths: One file, or one for each camera.
+        paths: One file, or one for each camera; or intrinsics.yml and extrinsics.yml of a pair, as
+            OpenCV's stereo_calib writes them.
 
     Returns:
         `left`, and `right` of two; more are called as their files. Of ROS' pairs the left camera's
@@ -67,14 +68,19 @@ def read_cameras(paths: Sequence[Path]) -> dict[str, Camera]:
         DataError: If a file is missing, does not parse, or has no counterpart here; if files of two
             cameras say nothing of how these stand to each other.
     """
+    documents = [_document(path) for path in paths]
     if len(paths) == 1:
-        kind, found = _read(paths[0])
+        kind, found = _cameras_in(documents[0], str(paths[0]))
         return _in_the_first_ones(found) if kind == "ros" else found
+    whole = _of_two_parts(*documents)
+    if whole:
+        return opencv_cameras(whole, " and ".join(map(str, paths)))
     stems = [path.stem for path in paths]
     names = SIDES if len(paths) == 2 else stems
     if len(set(names)) < len(names):
         raise DataError(f"files of cameras have names of their own, got {', '.join(stems)}")
-    kinds, cameras = zip(*(_only_camera(path) for path in paths), strict=True)
+    read = [_only_camera(*one) for one in zip(documents, paths, strict=True)]
+    kinds, cameras = zip(*read, strict=True)
     found = dict(zip(names, cameras, strict=True))
     if set(kinds) == {"ros"}:
         found = _in_the_first_ones(found)
@@ -96,18 +102,16 @@ def _in_the_first_ones(cameras: Mapping[str, Camera]) -> dict[str, Camera]:
     return {next(iter(cameras)): first.at(np.eye(4)), **found}
 
 
-def _only_camera(path: Path) -> tuple[str, Camera]:
-    kind, found = _read(path)
+def _only_camera(document: str | dict[str, Any], path: Path) -> tuple[str, Camera]:
+    kind, found = _cameras_in(document, str(path))
     if len(found) != 1:
         raise DataError(f"{path}: holds {len(found)} cameras: give it alone")
     return kind, next(iter(found.values()))
 
 
-def _read(path: Path) -> tuple[str, dict[str, Camera]]:
-    text, where = read_text(path, LARGEST_DOCUMENT), str(path)
-    if path.suffix == FORMATS["mrcal"] or "lensmodel" in text[:1000]:
-        return "mrcal", {"left": mrcal_camera(text, where)}
-    document = _parsed(text, where)
+def _cameras_in(document: str | dict[str, Any], where: str) -> tuple[str, dict[str, Camera]]:
+    if isinstance(document, str):
+        return "mrcal", {"left": mrcal_camera(document, where)}
     if "distortion_model" in document:
         return "ros", {"left": ros_camera(document, where)}
     if any(str(key).startswith("cam") and str(key)[3:].isdigit() for key in document):
@@ -115,6 +119,23 @@ def _read(path: Path) -> tuple[str, dict[str, Camera]]:
     if "M1" in document or "camera_matrix" in document:
         return "opencv", opencv_cameras(document, where)
     raise DataError(f"{where}: holds no cameras of {', '.join(FORMATS)}")
+
+
+def _of_two_parts(*documents: str | dict[str, Any]) -> dict[str, Any]:
+    """Return OpenCV's intrinsics and extrinsics of a pair as one, nothing of other files."""
+    one, two = documents if len(documents) == 2 else ("", "")
+    if isinstance(one, str) or isinstance(two, str):
+        return {}
+    parts = ((one, two), (two, one))
+    is_pair = any({"M1", "M2"} <= a.keys() and {"R", "T"} <= b.keys() for a, b in parts)
+    return one | two if is_pair else {}
+
+
+def _document(path: Path) -> str | dict[str, Any]:
+    """Return what a file holds: a text of mrcal's, and what others parse to."""
+    text = read_text(path, LARGEST_DOCUMENT)
+    is_mrcals = path.suffix == FORMATS["mrcal"] or "lensmodel" in text[:1000]
+    return text if is_mrcals else _parsed(text, str(path))
 
 
 def _parsed(text: str, where: str) -> dict[str, Any]:
