@@ -22,6 +22,7 @@ def export_cameras(
     """
     from nico_selfmodel.files.whole import folder_written_whole, refuse_folder
     from nico_selfmodel.model.camera_formats.formats import camera_texts
+    from nico_selfmodel.model.camera_formats.ros_format import rectified_pair
     from nico_selfmodel.model.self_model_file import load_model
 
     refuse_folder(out, force=force, inputs=[model])
@@ -31,9 +32,10 @@ def export_cameras(
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
     printer.line("\n".join(str(out / name) for name in texts))
-    if format == "ros" and len(cameras) > 1:
+    if format == "ros" and len(cameras) > 1 and not rectified_pair(cameras):
         printer.line(
-            "how the cameras stand to each other is in no file of ROS; see --format opencv"
+            "files of ROS tell how a pair stands that can be rectified, not how these cameras do; "
+            "see --format kalibr"
         )
 
 

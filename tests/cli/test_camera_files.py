@@ -22,7 +22,7 @@ def model(tmp_path):
     return tmp_path / "a.yaml"
 
 
-@pytest.mark.parametrize("kind", ["opencv", "opencv-json", "kalibr", "mrcal"])
+@pytest.mark.parametrize("kind", ["opencv", "opencv-json", "ros", "kalibr", "mrcal"])
 def test_there_and_back(command, model, tmp_path, kind):
     done = command("export", "cameras", model, "--format", kind, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr

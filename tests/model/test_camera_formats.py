@@ -6,6 +6,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+import yaml
 
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.geometry.rotation import rotation_from_vector
@@ -61,11 +62,7 @@ def written(folder, cameras, kind):
 def test_cameras_are_read_back_to_the_same_pixels(tmp_path, kind, lens):
     cameras = pair(lens)
     paths = written(tmp_path, cameras, kind)
-    if kind == "ros":
-        found = {p.stem: read_cameras([p])["left"] for p in paths}
-        cameras["right"] = cameras["right"].at(np.eye(4))
-    else:
-        found = read_cameras(paths)
+    found = read_cameras(paths)
     for side, camera in cameras.items():
         assert found[side].lens == camera.lens
         assert found[side].project(EDGE) == pytest.approx(camera.project(EDGE), abs=1e-9)
@@ -132,6 +129,23 @@ def test_what_opencv_writes_is_read(tmp_path):
     assert found.project(EDGE) == pytest.approx(camera.project(EDGE), abs=1e-9)
 
 
+@pytest.mark.parametrize("lens", ["rational", "fisheye"])
+def test_the_two_files_of_opencvs_stereo_sample_are_one_pair(tmp_path, lens):
+    cameras = pair(lens)
+    (path,) = written(tmp_path, cameras, "opencv")
+    text = path.read_text()
+    place = text.index("R: !!")
+    (tmp_path / "intrinsics.yml").write_text(text[:place])
+    (tmp_path / "extrinsics.yml").write_text("%YAML:1.0\n---\n" + text[place:])
+    for names in (("intrinsics", "extrinsics"), ("extrinsics", "intrinsics")):
+        found = read_cameras([tmp_path / f"{name}.yml" for name in names])
+        for side, camera in cameras.items():
+            assert found[side].project(EDGE) == pytest.approx(camera.project(EDGE), abs=1e-9)
+    (tmp_path / "intrinsics.yml").write_text(text[:place].replace("image_width", "width"))
+    with pytest.raises(DataError, match=r"intrinsics.yml and .*size of its images is missing"):
+        read_cameras([tmp_path / "intrinsics.yml", tmp_path / "extrinsics.yml"])
+
+
 def test_mrcals_fields_are_as_documented():
     texts = camera_texts(pair("polynomial"), "mrcal")
     right = ast.literal_eval(texts["right.cameramodel"])
@@ -171,7 +185,12 @@ ROS_LEFT = camera_texts({"left": Camera(**INSIDE)}, "ros")["left.yaml"]
         ("a.cameramodel", "{'lensmodel': 'LENSMODEL_PINHOLE', 'intrinsics': [1, 2]}", "intrinsics"),
         ("a.yaml", "distortion_model: thin\n", "distortion_model 'thin' has no counterpart"),
         ("a.yaml", "distortion_model: plumb_bob\n", "'camera_matrix' is missing"),
-        ("a.yaml", ROS_LEFT.replace("image_width: 640\n", ""), r"image size: .* got \(None, 480\)"),
+        ("a.yaml", ROS_LEFT.replace("projection_", "p_"), "'projection_matrix' is missing"),
+        (
+            "a.yaml",
+            ROS_LEFT.replace("image_width: 640\n", ""),
+            "size of its images is missing: add",
+        ),
         ("a.yaml", "cam0: {camera_model: omni}\n", "only pinhole has"),
         ("a.yaml", "cam0: 3\n", "expected a camera"),
         ("a.yaml", "cam7: {}\n", "expected cam0, got cam7"),
@@ -207,8 +226,30 @@ def test_a_rig_of_three_keeps_its_places(tmp_path, kind):
         camera_texts(rig, "opencv")
 
 
+@pytest.mark.parametrize("lens", ["polynomial", "fisheye"])
+def test_both_of_ros_rectified_cameras_see_a_point_in_the_same_row(lens):
+    cameras = pair(lens)
+    files = [yaml.safe_load(text) for text in camera_texts(cameras, "ros").values()]
+    seen = []
+    for document, camera in zip(files, cameras.values(), strict=True):
+        R = np.reshape(document["rectification_matrix"]["data"], (3, 3))
+        P = np.reshape(document["projection_matrix"]["data"], (3, 4))
+        p_C = EDGE @ camera.X_CW[:3, :3].T + camera.X_CW[:3, 3]
+        flat = p_C @ R.T @ P[:, :3].T
+        seen.append(flat[:, :2] / flat[:, 2:])
+    assert P[0, 3] == pytest.approx(-P[0, 0] * np.linalg.norm(X_WR[:3, 3]))
+    assert seen[0][:, 1] == pytest.approx(seen[1][:, 1], abs=1e-9)
+    assert (seen[0][:, 0] > seen[1][:, 0]).all()
+
+
+def apart(cameras):
+    """Return two cameras one above the other, that look almost against each other."""
+    X = transform(rotation_from_vector([0.0, 2.5, 0.0]), [0.0, 0.1, 0.0])
+    return cameras | {"right": cameras["right"].at(X)}
+
+
 def test_two_cameras_in_one_place_are_no_pair(tmp_path):
-    paths = written(tmp_path, pair("plain"), "ros")
+    paths = written(tmp_path, apart(pair("plain")), "ros")
     with pytest.raises(DataError, match="put both cameras in one place"):
         read_cameras(paths)
     with pytest.raises(ValueError, match="no format 'tum'; there are opencv"):

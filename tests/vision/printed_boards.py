@@ -108,10 +108,11 @@ def chess_print(columns, rows, square):
     return Print(white, square / side, (-1.5 * square, -1.5 * square))
 
 
-def april_print(columns, rows, size, spacing, dictionary):
+def april_print(columns, rows, size, spacing, dictionary, border=2):
     """Print a grid of tags as Kalibr does: ids from the lower left, borders of two cells."""
-    cell = 8
-    tag, gap = 10 * cell, round(10 * cell * spacing)
+    cells = 6 + 2 * border
+    cell = 80 // cells
+    tag, gap = 80, round(80 * spacing)
     pitch = tag + gap
     white = np.ones((rows * pitch + gap, columns * pitch + gap), bool)
     for r in range(rows + 1):
@@ -120,7 +121,7 @@ def april_print(columns, rows, size, spacing, dictionary):
     for number in range(columns * rows):
         c, up = number % columns, number // columns
         top, left = (rows - 1 - up) * pitch + gap, c * pitch + gap
-        bits = cv2.aruco.generateImageMarker(dictionary, number, 10, borderBits=2) > 0
+        bits = cv2.aruco.generateImageMarker(dictionary, number, cells, borderBits=border) > 0
         part = np.kron(bits, np.ones((cell, cell), bool))
         white[top : top + tag, left : left + tag] = part
     white = np.pad(white, tag // 2, constant_values=True)

@@ -29,6 +29,7 @@ def prints():
     return {
         "charuco": printed_boards.charuco_print(9, 7, 0.03, 0.022, TAGS_5X5),
         "april": printed_boards.april_print(6, 6, 0.044, 0.3, TAGS_36H11),
+        "thin": printed_boards.april_print(6, 6, 0.044, 0.3, TAGS_36H11, border=1),
         "circles": printed_boards.circle_print(CIRCLES.points, 0.018, 0.03),
         "asymmetric": printed_boards.circle_print(ASYMMETRIC.points, 0.02, 0.02),
     }
@@ -87,6 +88,27 @@ def assert_true(kind, seeds, prints):
 @pytest.mark.parametrize("kind", slow_rest(["april", "circles", "asymmetric", "charuco"]))
 def test_points_are_where_they_are(kind, prints):
     assert_true(kind, range(2), prints)
+
+
+@pytest.mark.parametrize("seeds", slow_rest([range(1), range(1000, 1040)]))
+def test_tags_with_borders_of_one_cell_are_found_as_those_of_two(seeds, prints):
+    errors, found = [], 0
+    for seed in seeds:
+        rng = np.random.default_rng((seed, 77))
+        photo = printed_boards.photographed(
+            prints["thin"], APRIL.points, rng, hidden=rng.uniform(*HIDDEN["april"])
+        )
+        seen = APRIL.find(photo.image, 11)
+        if isinstance(seen, NotSeen):
+            continue
+        assert seen.board == APRIL
+        found += 1
+        errors.append((seen.corners - photo.pixels)[seen.seen])
+    errors = np.concatenate(errors)
+    print(f"thin: {found} of {len(seeds)}; bias {errors.mean(axis=0)}, rms {errors.std():.4f} px")
+    assert found >= 0.9 * len(seeds)
+    assert np.abs(errors.mean(axis=0)).max() <= 0.02
+    assert np.sqrt(np.mean(errors**2)) <= 0.1
 
 
 @pytest.mark.slow

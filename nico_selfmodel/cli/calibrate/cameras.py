@@ -25,9 +25,9 @@ def cameras(
     window: options.Window = 11,
     require_test_px: options.RequireTestPx = None,
 ) -> None:
-    """Learn a rig of cameras from photographs of a board.
+    """Learn a camera, or a rig of them, from photographs of a board.
 
-    Two cameras or more see the board at once.
+    Of several cameras two or more see the board at once.
     """
     from nico_selfmodel.vision.boards.board_images import images_by_folder, images_by_name
 

@@ -82,6 +82,11 @@ def camera_of(
         raise DataError(f"{where}: the pose of the camera is no rotation and translation")
     fx, fy, cx, cy = (float(value) for value in focal)
     bends = dict(zip(names, found, strict=False))
+    if any(side is None for side in np.ravel(image_size)):
+        raise DataError(
+            f"{where}: the size of its images is missing: add it, in OpenCV's and ROS' files "
+            "image_width and image_height, in Kalibr's resolution, in mrcal's imagersize"
+        )
     width, height = (int(side) for side in matrix(image_size, (2,), f"{where}, image size"))
     if not (0.0 <= cx <= width and 0.0 <= cy <= height):
         warnings.warn(

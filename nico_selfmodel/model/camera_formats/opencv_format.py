@@ -1,6 +1,7 @@
 """OpenCV's FileStorage, YAML or JSON: M1 D1 M2 D2 R T, or camera_matrix of one camera.
 
-p_R = R p_L + T takes points from the left camera's frame to the right one's.
+p_R = R p_L + T takes points from the left camera's frame to the right one's. `fisheye_model` says
+whether D is a fisheye's, as OpenCV's sample camera_calibration writes it.
 """
 
 import json
@@ -44,7 +45,7 @@ def opencv_text(cameras: Mapping[str, Camera], *, as_json: bool) -> str:
         require_no_skew(camera, "OpenCV")
         names = _ONE if len(cameras) == 1 else (f"M{number}", f"D{number}")
         entries["image_width"], entries["image_height"] = camera.image_size
-        entries["fisheye"] = int(camera.lens == FISHEYE)
+        entries["fisheye_model"] = int(camera.lens == FISHEYE)
         entries[names[0]], entries[names[1]] = camera.K, coefficients_of(camera)[None]
     if len(cameras) == 2:
         left, right = cameras.values()
@@ -83,7 +84,8 @@ def opencv_cameras(document: Mapping[str, Any], where: str) -> dict[str, Camera]
         DataError: If something is missing or wrong.
     """
     size = (document.get("image_width"), document.get("image_height"))
-    fisheye = bool(document.get("fisheye", 0))
+    # Files that this package wrote before call it `fisheye`.
+    fisheye = bool(document.get("fisheye_model", document.get("fisheye", 0)))
     if _ONE[0] in document:
         return {"left": _camera(document, *_ONE, size, where, fisheye)}
     left = _camera(document, "M1", "D1", size, where, fisheye)

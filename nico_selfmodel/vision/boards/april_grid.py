@@ -6,7 +6,7 @@ widened by a pixel or two. Format: Kalibr's wiki, "Calibration targets": tags fr
 row by row; here the picture's rows run the same way as the board's y.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -23,8 +23,8 @@ from nico_selfmodel.vision.markers.tags_seen import TagsSeen, seen_tags
 METHOD = "ArucoDetector"
 _NEAR = 6
 """Neighbours that tell where a tag must be; the median of them, so that some may be wrong."""
-BORDER = 2
-"""Width of the tags' black border [cells]."""
+BORDERS = (2, 1)
+"""Widths of the tags' black border [cells]: Kalibr's, and what other programs print."""
 _OFF = 0.35
 """Share of a tag by which its neighbours' homography may miss a corner: a wrong id misses by
 more."""
@@ -39,6 +39,8 @@ class AprilGrid(TaggedBoard):
 
     family: str = DEFAULT_FAMILY
     """Of the tags."""
+    border: int = BORDERS[0]
+    """Width of their black border [cells]; seen in a picture, whatever is said here."""
 
     def __str__(self) -> str:
         return f"aprilgrid:{self.columns}x{self.rows}"
@@ -75,7 +77,7 @@ class AprilGrid(TaggedBoard):
         squares = np.column_stack([corners, np.full((len(corners), 2), gap)])
         family = FiducialFamily(self.family)
         tags = [
-            cells_of(family.pattern(tag, BORDER), self.tag_corners[tag, 0], self.tag)
+            cells_of(family.pattern(tag, self.border), self.tag_corners[tag, 0], self.tag)
             for tag in range(self.count)
         ]
         return Ink.of_blocks(squares, *tags)
@@ -86,12 +88,18 @@ class AprilGrid(TaggedBoard):
 
     def _clear(self, maps: NDArray) -> NDArray:
         """Nothing lies between lines on either side, the far edges of what touches."""
-        cells = FiducialFamily(self.family).cells + 2 * (BORDER - 1)
-        clear = min(self.square - self.tag, BORDER / cells * self.tag)
+        cells = FiducialFamily(self.family).cells + 2 * (self.border - 1)
+        clear = min(self.square - self.tag, self.border / cells * self.tag)
         return between_lines(clear * maps)
 
     def _tags(self, gray: NDArray) -> TagsSeen:
-        return seen_tags(gray, self.family, BORDER, apart=False)
+        found = [seen_tags(gray, self.family, BORDERS[0], apart=False)]
+        if not found[0].ids:
+            found += [seen_tags(gray, self.family, width, apart=False) for width in BORDERS[1:]]
+        return max(found, key=lambda tags: len(tags.ids))
+
+    def _as_printed(self, tags: TagsSeen) -> TaggedBoard:
+        return replace(self, border=tags.border)
 
     def _rough(self, gray: NDArray, tags: TagsSeen) -> list[NDArray]:
         del gray

@@ -105,8 +105,9 @@ class TaggedBoard(ABC):
         problem = tags.problem_with(range(self.count))
         if problem:
             return NotSeen(problem)
+        printed = self._as_printed(tags)
         found = max(
-            (self._located(gray, rough, window) for rough in self._rough(gray, tags)),
+            (printed._located(gray, rough, window) for rough in self._rough(gray, tags)),
             key=seen_count,
         )
         if seen_count(found) < FEWEST:
@@ -118,6 +119,11 @@ class TaggedBoard(ABC):
         if problem:
             return NotSeen(problem)
         return BoardDetection(self, read_only(found), self._method, None)
+
+    def _as_printed(self, tags: TagsSeen) -> "TaggedBoard":
+        """Return the board with what its tags tell of their print."""
+        del tags
+        return self
 
     def _problem_with(self, found: NDArray) -> str | None:
         """Say why exact corners cannot be the board's; None where they can. Shape (P, 2)."""

@@ -1,7 +1,7 @@
 """Tags in a picture, roughly: which, and where."""
 
 from collections.abc import Container
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import cv2
@@ -27,6 +27,8 @@ class TagsSeen:
     """Which were read, each once."""
     corners: NDArray
     """Corners of their black squares, clockwise from the printed top left [px]. (n, 4, 2)."""
+    border: int = 1
+    """Width of their black border [cells]."""
 
     @property
     def for_opencv(self) -> list[NDArray]:
@@ -48,7 +50,8 @@ class TagsSeen:
     def among(self, ids: Container[int]) -> "TagsSeen":
         """Return those of some ids."""
         kept = [k for k, tag in enumerate(self.ids) if tag in ids]
-        return TagsSeen(self.family, tuple(self.ids[k] for k in kept), self.corners[kept])
+        ids = tuple(self.ids[k] for k in kept)
+        return replace(self, ids=ids, corners=self.corners[kept])
 
 
 def seen_tags(gray: NDArray, family: str, border: int = 1, *, apart: bool = True) -> TagsSeen:
@@ -74,7 +77,7 @@ def seen_tags(gray: NDArray, family: str, border: int = 1, *, apart: bool = True
             best.setdefault(tag, (grown + 0.5) * scale - 0.5)
     ids = tuple(sorted(best))
     stacked = np.array([best[tag] for tag in ids]).reshape(-1, 4, 2)
-    return TagsSeen(family, ids, stacked)
+    return TagsSeen(family, ids, stacked, border)
 
 
 def read_tags(image: NDArray, family: str, border: int = 1) -> list[tuple[int, NDArray]]:
