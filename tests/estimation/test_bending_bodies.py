@@ -116,6 +116,7 @@ def test_a_rigid_body_stays_rigid(how):
     assert len(found.ladder.steps) >= 4
 
 
+@pytest.mark.slow
 def test_what_bends_is_not_asked_of_poses_that_all_are_outliers():
     found = calibrate_tree(one_arm(1, poses=20).data, effects=None)
     residuals = TreeResiduals(found.train.observations, found.parameters)

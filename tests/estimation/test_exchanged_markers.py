@@ -36,5 +36,6 @@ def test_tags_exchanged_in_part_of_a_recording_are_named(share):
     assert words.startswith(f"markers {first} and {second} are exchanged in {count} of 59 samples")
 
 
+@pytest.mark.slow
 def test_no_tags_of_a_sound_recording_are_exchanged():
     assert not exchanged_words(two_arms(11, poses=POSES, tags_each=4).data)

@@ -137,6 +137,7 @@ def test_few_corners_nobody_knows_the_places_of_do_not_tell_a_hand_eye_calibrati
         calibrate_tree(data.of_rows(few))
 
 
+@pytest.mark.slow
 def test_the_lens_of_a_camera_that_moves_is_learned_before_corners_of_known_place():
     X_FC, data = recorded(np.random.default_rng(1), poses=30)
     first = np.arange(30) < 20

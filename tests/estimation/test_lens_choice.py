@@ -418,6 +418,7 @@ def test_a_fraction_that_ends_is_learned_without_what_corners_do_not_need():
     assert not any("contradict" in r or "chessboard" in r for r in judge(assessment).reasons)
 
 
+@pytest.mark.slow
 def test_held_out_boards_beyond_where_a_lens_ends_fail_by_name():
     """No ray leads there, and there had been no verdict at all."""
     _, verdict = verdict_on("fisheye", 6006, "rational")

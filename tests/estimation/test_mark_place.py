@@ -83,6 +83,7 @@ def test_a_mark_is_put_where_it_is_and_as_exactly_as_is_said():
     assert 0.8 < np.mean(chi) / 2.0 < 1.2
 
 
+@pytest.mark.slow
 def test_a_link_that_may_stand_elsewhere_makes_its_places_as_uncertain():
     rng = np.random.default_rng(11)
     loose, chi = replace(body(), place_sigma={"head": 1.5e-3}), []

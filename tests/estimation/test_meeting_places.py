@@ -6,6 +6,8 @@ import pytest
 from nico_selfmodel.estimation.tree.guesses.meeting_places import meeting_places
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 
+from ..slow_rest import slow_rest
+
 
 def met(seed, rows=20, false=0, apart=0.03):
     """Links whose markers are as far apart as in all rows, but for some."""
@@ -21,7 +23,7 @@ def met(seed, rows=20, false=0, apart=0.03):
     return R, p, true, np.tile(np.eye(2, dtype=bool), (rows, 1, 1))
 
 
-@pytest.mark.parametrize("false", [0, 2])
+@pytest.mark.parametrize("false", slow_rest([0, 2]))
 def test_two_markers_that_touch_are_found_from_far_off(false):
     found = []
     for seed in range(10):

@@ -54,6 +54,7 @@ def exchanged(held, sample):
     return replace(held.data, observations=replace(table, mirror=np.array(mirror)))
 
 
+@pytest.mark.slow
 def test_a_board_that_contradicts_the_others_leaves_the_mirrors_where_they_are():
     held = behind_the_camera(612, 3, 5, sigma=0.0)
     virtual = {

@@ -139,6 +139,7 @@ def test_a_change_is_told_by_how_much_it_matters(monkeypatch, ratio, said):
     assert tuple(told) == said
 
 
+@pytest.mark.slow
 def test_samples_that_saw_nothing_hide_no_change():
     data = recorded("marker")
     seen = data.observations
@@ -149,6 +150,7 @@ def test_samples_that_saw_nothing_hide_no_change():
     assert change.what.startswith("marker 'hand_tag0' slipped")
 
 
+@pytest.mark.slow
 def test_a_wrong_label_of_a_marker_that_was_hardly_seen_before_is_no_slip():
     data = recorded(None)
     table = data.observations

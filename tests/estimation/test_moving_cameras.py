@@ -40,6 +40,7 @@ def looked_around(known, poses=70):
     return places, observed(tree, joints, markers, [camera], q, rng, **how)
 
 
+@pytest.mark.slow
 def test_markers_of_unknown_place_are_found_by_a_camera_that_moves():
     places, data = looked_around(known=14)
     first = np.arange(70) < 50

@@ -27,6 +27,7 @@ from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_tree import Attached
 from nico_selfmodel.optimization.uncertainty import UnobservableDirection
 
+from ..slow_rest import slow_rest
 from .simulated_trees import LENS, Simulated, assembled, looking_at, observed, one_arm, tags
 
 
@@ -95,6 +96,7 @@ def upright():
     )
 
 
+@pytest.mark.slow
 def test_what_no_pose_tells_of_a_hand_that_stays_upright_is_named_and_fails_nothing(upright):
     ways = upright.uncertainty.unobservable
     assert {"hand_tag0.z", "hand_tag1.z", "upper.x", "turn.x"} <= set(ways[0].names)
@@ -163,7 +165,7 @@ def with_sights(data, sights):
     return replace(data, observations=data.observations.select(kept))
 
 
-@pytest.mark.parametrize("sights", [0, 1])
+@pytest.mark.parametrize("sights", slow_rest([0, 1]))
 def test_a_marker_that_was_hardly_seen_is_a_warning_and_its_place_is_unknown(sights):
     sim = one_arm(5, joints=3, markers=3, poses=40, sensor="camera")
     few = with_sights(sim.data, sights)

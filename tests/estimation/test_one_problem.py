@@ -248,6 +248,7 @@ def test_one_camera_cannot_tell_a_body_from_nothing():
         calibrate_tree(data)
 
 
+@pytest.mark.slow
 def test_a_joint_that_slips_is_named_and_its_poses_stay():
     sim = one_arm(4, joints=5, markers=3, poses=100, slip=(2, 0.12, np.radians(1.2)))
     found = calibrate_tree(sim.data)

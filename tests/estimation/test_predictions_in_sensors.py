@@ -45,6 +45,7 @@ def body_of(made):
     return BodyModel("true", made.tree, np.ones(len(made.tree.joints)))
 
 
+@pytest.mark.slow
 def test_places_in_the_tracker_are_as_exact_as_it_is(bodies):
     body, made = bodies[0]
     readings, true = fresh(made, 1)

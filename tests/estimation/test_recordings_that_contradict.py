@@ -137,6 +137,7 @@ def test_a_description_is_contradicted_once_in_a_thousand_sound_ones(chi_square,
     assert severity_of(score) == severity
 
 
+@pytest.mark.slow
 def test_a_joint_that_is_read_wrongly_in_most_poses_fails_by_name():
     sim = one_arm(5, joints=4, markers=3, poses=60, sigma={"points": 3e-4})
     readings = sim.data.readings.copy()
@@ -156,6 +157,7 @@ def test_right_recordings_are_not_contradicted(seed):
     assert not any("contradict" in text for text in found.warnings)
 
 
+@pytest.mark.slow
 def test_poses_whose_readings_are_of_other_poses_fail_with_their_samples():
     data = one_arm(5, joints=4, markers=3, poses=80, sigma={"points": 3e-4}).data
     assert verdict(data).status == "PASS"

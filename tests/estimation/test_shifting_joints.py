@@ -50,6 +50,7 @@ def test_what_shifts_is_told_by_its_direction_alone():
         assert 0.0 <= told[beside]["axis_angle_deg"] <= 180.0
 
 
+@pytest.mark.slow
 def test_the_travel_of_a_joint_tells_cameras_how_large_everything_is():
     arm, found = calibrated(RAIL, 4, sensor="camera", markers=3)
     assert found.setup.scale_from == "j1 (travel)"

@@ -132,7 +132,7 @@ BEHIND = [
 ]
 
 
-@pytest.mark.parametrize(("sensor", "markers", "seed", "degrees"), slow_rest(BEHIND, plain=2))
+@pytest.mark.parametrize(("sensor", "markers", "seed", "degrees"), slow_rest(BEHIND))
 def test_a_joint_that_jumps_far_is_not_taken_for_markers_that_are_wrong(
     sensor, markers, seed, degrees
 ):

@@ -41,6 +41,7 @@ def test_an_arm_follows_its_cameras_as_their_covariance_says(name, step):
     np.testing.assert_allclose(found / sigma, gain / sigma, atol=0.03 * np.abs(gain / sigma).max())
 
 
+@pytest.mark.slow
 def test_a_completed_arm_carries_the_uncertainty_of_its_cameras():
     stereo, arm = through(scenario().cameras)
     whole = stereo.complete(arm)

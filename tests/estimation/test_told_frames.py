@@ -176,6 +176,7 @@ def test_what_nothing_tells_stays_where_it_is_beside_effects():
     assert abs(reduced.alone[1]) + abs(reduced.gain[1, 0]) < 1e-12
 
 
+@pytest.mark.slow
 def test_one_camera_tells_a_body_and_its_lens_by_a_board_in_its_hand():
     sim = one_arm(2, joints=3, markers=12, poses=40, sensor="camera", joint_sigma=np.radians(0.1))
     grid = 0.03 * np.array([[k % 4, k // 4, 0.0] for k in range(12)]) + [0.05, 0.02, 0.1]

@@ -109,6 +109,7 @@ def test_freeing_a_gear_that_contradicts_its_unit_cures_it():
     assert found.tree.gear[2] == pytest.approx(1.02, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_joint_that_is_read_in_another_direction_is_no_louder_one():
     arm = one_arm(7, joints=5, markers=3, poses=60)
     readings = arm.data.readings.copy()
@@ -120,6 +121,7 @@ def test_a_joint_that_is_read_in_another_direction_is_no_louder_one():
     assert 3 not in found.solution.noise.loud
 
 
+@pytest.mark.slow
 def test_a_tracker_is_not_blamed_for_the_last_digits_of_a_robot_that_stands_still():
     read, sensor = 1e-4, 5e-6
     arm = one_arm(3, joints=6, poses=70, joint_sigma=0.0, sigma={"points": sensor})
@@ -159,7 +161,9 @@ def tailed(seed, markers, astray=0.0, read=2e-4):
     return calibrate_tree(data, effects=()), float(np.sqrt(read**2 + np.mean(tail**2)))
 
 
-@pytest.mark.parametrize(("markers", "seed"), slow_rest([(3, 41), (1, 42), (3, 43), (1, 45)]))
+@pytest.mark.parametrize(
+    ("markers", "seed"), slow_rest([(3, 41), (1, 42), (3, 43), (1, 45)], plain=0)
+)
 def test_heavy_tails_of_all_joints_are_noise_and_no_joint_is_named(markers, seed):
     found, rms = tailed(seed, markers)
     assert not any("the encoder of" in word for word in judge(found).warnings)

@@ -97,6 +97,7 @@ def test_stains_stay_where_they_are_on_the_glass_when_it_is_moved():
     assert np.std(seen[0]) > 2.0
 
 
+@pytest.mark.slow
 def test_what_a_screen_shows_lies_in_it_whichever_camera_looks():
     world = MirrorWorld(RIG, SHARP, plate=MirrorPlate(width=0.6, height=0.5, live=True))
     found = seen(world, HAND)

@@ -88,6 +88,7 @@ def test_a_learned_head_has_its_cameras_where_the_robots_are():
             assert np.array_equal(found.p_WL[i], nominal.p_WL[i])
 
 
+@pytest.mark.slow
 def test_poses_planned_by_a_learned_head_have_the_hand_nearer_to_where_it_is_wanted():
     robot = RenderedBody("thesis", SEED, WHOLE)
     mechanics = robot.ground_truth.mechanics

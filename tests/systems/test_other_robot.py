@@ -53,6 +53,7 @@ def test_a_second_robot_is_seen_where_it_stands_and_moves_by_its_own_commands(st
     assert 0.0005 < moving.mean() < changed.mean()
 
 
+@pytest.mark.slow
 def test_a_station_without_a_second_robot_says_so():
     with NicoStation("thesis", 3, arm=NICO.arm, quality=ROUGH) as alone:
         with pytest.raises(RobotError, match="other=True"):

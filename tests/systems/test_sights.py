@@ -81,6 +81,7 @@ def test_a_whole_picture_shows_what_the_tracker_was_shown_without_rendering_it_a
             assert len(rendered) == 2 * count
 
 
+@pytest.mark.slow
 def test_what_could_be_taken_for_a_mark_is_looked_for_in_whole_pictures():
     with NicoStation("thesis", 1, other=True) as nico:
         assert not nico.GetSubsystemByName("cameras").HasOutputPort("left_sight")

@@ -87,6 +87,7 @@ def test_a_board_half_out_of_the_picture_is_seen_in_part(side):
     assert np.abs(errors(seen, whole)).max() < 0.3
 
 
+@pytest.mark.slow
 def test_a_board_with_a_hole_lies_where_it_lies():
     whole = shown()
     image = whole.image.copy()

@@ -154,7 +154,7 @@ def without_a_board():
         yield dots
 
 
-@pytest.mark.parametrize("image", list(without_a_board()))
+@pytest.mark.parametrize("image", slow_rest(without_a_board(), plain=4))
 def test_no_size_is_guessed_where_there_is_no_board(image):
     assert size_of_board(image) is None
 
