@@ -124,7 +124,10 @@ class MarkFinder:
         known = {id(spot) for one in found for spot in one.spots}
         seen = [look.surprise for look in looks[0]]
         if changes is not None:
-            seen = [own.beside(rest) for own, rest in zip(seen, changes, strict=True)]
+            seen = [
+                Surprise(own.places_beside(rest), own.gain)
+                for own, rest in zip(seen, changes, strict=True)
+            ]
         others = ((looks[1], [look.surprise for look in looks[1]]), (looks[0], seen))
         for spots, (pair, judged), name in zip((first, second), others, names[::-1], strict=True):
             found += [

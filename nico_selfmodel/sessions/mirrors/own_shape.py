@@ -23,8 +23,15 @@ from nico_selfmodel.sessions.mirrors.knowing import (
 from nico_selfmodel.sessions.mirrors.learned_shape import LearnedShape, Skeleton, learn_shape
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR, MirrorScenario
-from nico_selfmodel.sessions.mirrors.shape_looks import look_at_shape, tell_mirrors, well_told
+from nico_selfmodel.sessions.mirrors.shape_looks import (
+    ShapeLooks,
+    look_at_shape,
+    tell_mirrors,
+    well_told,
+)
 from nico_selfmodel.sessions.progress import Stage, of_robot
+from nico_selfmodel.sessions.rendered_nico import RenderedNico
+from nico_selfmodel.systems.closing import free_memory
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
@@ -49,11 +56,38 @@ def learn_structure(known: Knowing, stage: Stage) -> tuple[LearnedShape, Surface
         EstimationError: If it finds no surface, or hardly any mirror shows its hand.
         ModelError: If hardly any pose shows its hand in a mirror.
     """
-    robot, views = known.robot, known.before.views
+    robot = known.robot
     nico = rendered(robot, ImageQuality())
     model, told = tell_mirrors(nico, robot.model, robot.readings, known.before.plate, stage)
-    places = {**{name: view.X_BM for name, view in views.items()}, **told}
-    before = known.before
+    seen, poses, truth = _looked(known, nico, model, told, stage)
+    free_memory()  # of the cameras, whose contexts were held until now
+    skeleton = Skeleton.of(KinematicTree.from_urdf(nico.arm.urdf), poses, WHOLE)
+    rng = np.random.default_rng((robot.seed, 46))
+    return learn_shape(seen, model, skeleton, poses, LINKS, rng, stage), truth
+
+
+def _looked(
+    known: Knowing,
+    nico: RenderedNico,
+    model: SelfModel,
+    told: Mapping[str, NDArray],
+    stage: Stage,
+) -> tuple[ShapeLooks, Mapping[str, NDArray], Surfaces]:
+    """Let a robot look at itself in two mirrors and in more that its hand has told.
+
+    Args:
+        known: The robot.
+        nico: As it is rendered.
+        model: Who knows all these mirrors.
+        told: Where the glasses of the further ones really stand, X_BM. Shape (4, 4) each.
+        stage: Told how far it is.
+
+    Returns:
+        What it saw, where its links stood before the left camera, and the true surfaces of those
+        that stood still.
+    """
+    robot, before = known.robot, known.before
+    places = {**{name: view.X_BM for name, view in before.views.items()}, **told}
     with BodyImage(nico.arm, robot.model) as image, before.station(_DAY) as station:
         known.body.pose(image)
         first = model.mirrors[MIRROR]
@@ -65,10 +99,7 @@ def learn_structure(known: Knowing, stage: Stage) -> tuple[LearnedShape, Surface
         poses = image.poses(seen.shots[0].readings)
         moving = {image.links[number] for number in image.moving}
         truth = station.surfaces_true(looks.body.context)
-    skeleton = Skeleton.of(KinematicTree.from_urdf(nico.arm.urdf), poses, WHOLE)
-    rng = np.random.default_rng((robot.seed, 46))
-    shape = learn_shape(seen, model, skeleton, poses, LINKS, rng, stage)
-    return shape, {link: one for link, one in truth.items() if link not in moving}
+    return seen, poses, {link: one for link, one in truth.items() if link not in moving}
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """What a robot expects to see of itself, directly or in a mirror."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -102,8 +102,12 @@ class BodyImage(Closable, LeafSystem):
         self._turn = np.zeros(3)
         add_renderer(scene, glare=True, R_WR=self._R_WR)
         self.__context = diagram.CreateDefaultContext()  # which knows the renderer
+        scene.RemoveRenderer(RENDERER)  # of further contexts, which nobody makes
         self._cameras = model.rig.cameras
-        self._warps = [LensWarp.from_camera(camera, supersample) for camera in self._cameras]
+        self._warps = [  # without what only cameras need that are turned
+            replace(LensWarp.from_camera(camera, supersample), rays=np.empty((0, 0, 2)))
+            for camera in self._cameras
+        ]
         bodies = [plant.get_body(index) for index in plant.GetBodyIndices(self._built.instance)]
         self.links = {int(body.index()): body.name() for body in bodies}
         """Number in the pictures of links -> name of the link."""

@@ -105,7 +105,8 @@ def remove_scene(scene_graph: SceneGraph) -> None:
     Args:
         scene_graph: Nothing may look at it any more.
     """
-    scene_graph.RemoveRenderer(RENDERER)
+    if scene_graph.HasRenderer(RENDERER):
+        scene_graph.RemoveRenderer(RENDERER)
     inspector = scene_graph.model_inspector()
     fixed = inspector.world_frame_id()
     for source in inspector.GetAllSourceIds():

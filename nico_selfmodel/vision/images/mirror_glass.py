@@ -179,7 +179,7 @@ class GlassInView:
                 flags=cv2.INTER_LINEAR,
                 borderMode=cv2.BORDER_REPLICATE,
             )
-            seen = cv2.convertScaleAbs(seen, alpha=_SILVER)
+            cv2.convertScaleAbs(seen, dst=seen, alpha=_SILVER)
         cv2.copyTo(seen, mask, picture[window])
 
     def _pixels_a_metre(self) -> float:
@@ -194,8 +194,10 @@ class GlassInView:
         normal = self.X_CM[:3, 2]
         across, down, level = np.linalg.solve(self.K.T, normal) / (normal @ self.X_CM[:3, 3])
         u, v = np.arange(low[0], high[0]) + 0.5, np.arange(low[1], high[1]) + 0.5
-        inverse_depth = (across * u + (down * v + level)[:, None]).astype(np.float32)
-        return 1.0 / np.maximum(inverse_depth, 1e-6)
+        found = np.empty((len(v), len(u)), np.float32)  # one large array: pictures have no room
+        np.add(across * u, (down * v + level)[:, None], out=found, casting="same_kind")
+        np.maximum(found, 1e-6, out=found)
+        return np.divide(1.0, found, out=found)
 
 
 def _from_plane(K: NDArray, X_CM: NDArray) -> NDArray:

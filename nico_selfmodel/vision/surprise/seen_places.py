@@ -51,7 +51,7 @@ def seen_places(
         Places, near ones as one, the largest first; and whether one place of each surprises as
         not one picture in a hundred does, or as all pictures together do not.
     """
-    places = (own if rest is None else own.beside(rest)).chi_square
+    places = own.chi_square if rest is None else own.places_beside(rest)
     together = np.zeros(places.shape, dtype=bool) if shared is None else shared
     shown = np.isfinite(own.chi_square) if body is None else body
     certain, least = (_thresholds(places, shown, rate) for rate in (FALSE_ALARM, WEAK))

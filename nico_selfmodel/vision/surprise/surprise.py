@@ -79,8 +79,8 @@ class Surprise:
         """Make the array read-only."""
         object.__setattr__(self, "chi_square", read_only(self.chi_square))
 
-    def beside(self, other: "Surprise") -> "Surprise":
-        """Return this where it judges, and another of the same picture elsewhere.
+    def places_beside(self, other: "Surprise") -> NDArray:
+        """Return z^2 of this where it judges, and of another of the same picture elsewhere.
 
         Raises:
             ValueError: If the other has another shape.
@@ -90,8 +90,11 @@ class Surprise:
                 f"pictures of one shape can be joined, got {self.chi_square.shape} and "
                 f"{other.chi_square.shape}"
             )
-        own = np.isfinite(self.chi_square)
-        each = np.where(own, self.chi_square, other.chi_square)
+        return np.where(np.isfinite(self.chi_square), self.chi_square, other.chi_square)
+
+    def beside(self, other: "Surprise") -> "Surprise":
+        """Return this where it judges, and another elsewhere; raises as `places_beside`."""
+        each, own = self.places_beside(other), np.isfinite(self.chi_square)
         off, covariance = (
             _rows_beside(own, other.chi_square, *rows)
             for rows in ((self.off, other.off), (self.covariance, other.covariance))
