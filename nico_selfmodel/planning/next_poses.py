@@ -1,24 +1,26 @@
 """Which poses to record next: those that tell a learned arm most beyond what it was learned from.
 
-The poses that were recorded say three things: how far each joint is known to go, what is told
-already, and where the hand must be predicted well.
+The poses that were recorded say how far each joint is known to go, and where the hand must be
+predicted well. What is known is the covariance C = L L' of the arm's parameters: in z, with
+x = L z, all that was recorded says as much as the unit matrix. A pose adds what it says beyond the
+noise there.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.dataset import Dataset
-from nico_selfmodel.errors import DataError
+from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.estimation.arm.evaluation import noise_at
 from nico_selfmodel.estimation.observations.pixel_observations import columns_of
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import refuse_unknown
+from nico_selfmodel.optimization.uncertainty import root_of
 from nico_selfmodel.planning.pose_selection import (
     NextPoses,
-    bending_priors,
     choose_poses,
     drawn_between,
     hand_sigma,
-    position_jacobians,
 )
 
 POOL = 3000
@@ -40,7 +42,8 @@ def choose_next_poses(
 ) -> NextPoses:
     """Choose poses within the ranges that were recorded, in view where the model has cameras.
 
-    The hand's error is in metres; it is nan where the model's noise is not known.
+    The marker's error is by what the arm is uncertain of [m]. What a pose tells is weighed by the
+    noise there: of the sensor, and of the joints by their levers.
 
     That a body does not collide in a pose is not known here: only the ranges of single joints are.
 
@@ -54,7 +57,7 @@ def choose_next_poses(
 
     Raises:
         DataError: If the data are of other joints, units or images, or no pose is in view.
-        NotIdentifiableError: If recorded and chosen poses do not determine the parameters.
+        ModelError: If the model does not say how well it is known.
         ValueError: If the number, the criterion or the marker is wrong.
     """
     data = columns_of(model, data)
@@ -63,20 +66,34 @@ def choose_next_poses(
     recorded = data.encoders[(data.marker == marker) & (data.mirror == "")]
     if not len(recorded):
         raise DataError(f"data set {data.name!r} has no direct view of {marker!r}")
-    known = position_jacobians(model, recorded, marker)
     pool = _pool(model, data, recorded, marker, rng)
-    told = np.concatenate([known, bending_priors(model, marker)])
+    known = _rows(model, recorded, marker)
+    told_already = np.eye(known.shape[2])[None]
     choice = choose_poses(
-        position_jacobians(model, pool, marker),
+        _rows(model, pool, marker, whiten=True),
         count,
         criterion=criterion,
         targets=known,
-        given=told,
+        given=told_already,
     )
-    noise = np.nan if model.noise_sigma is None else model.noise_sigma
-    return NextPoses(
-        pool[choice.rows], noise * hand_sigma(told, known), noise * choice.hand_sigma, choice
-    )
+    return NextPoses(pool[choice.rows], hand_sigma(told_already, known), choice.hand_sigma, choice)
+
+
+def _rows(model: SelfModel, readings: NDArray, marker: str, *, whiten: bool = False) -> NDArray:
+    """Return derivatives of a marker's places by z [m], or of places of unit noise. (N, 3, p)."""
+    index = np.full(len(readings), model.chain.marker_index(marker))
+    parameters, covariance = model.parameters, model.covariance
+    noise = noise_at(model, readings, index)
+    if covariance is None or noise is None:
+        raise ModelError(
+            f"arm {model.name!r} does not say how well it is known: learn it by `calibrate "
+            "kinematics`"
+        )
+    own = [i for i, name in enumerate(covariance.names) if name in parameters.names]
+    columns = [parameters.names.index(covariance.names[i]) for i in own]
+    _, jacobian = parameters.predict(model.servos.to_radians(readings), index)
+    J = jacobian[:, :, columns] @ root_of(covariance.matrix[np.ix_(own, own)])
+    return np.linalg.solve(np.linalg.cholesky(noise), J) if whiten else J
 
 
 def _pool(

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.errors import DataError, NotIdentifiableError
-from nico_selfmodel.model.arm.dh_parameters import DhParameters
-from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import refuse_unknown
 
 CRITERIA = ("I", "D")
@@ -35,8 +33,7 @@ class PoseChoice:
     criterion: str
     """`D` or `I`."""
     hand_sigma: float
-    """Root mean square error of the predicted hand over the targets, for a noise of 1 m in each
-    measured coordinate [1]."""
+    """Root mean square error of what is predicted over the targets, in their unit."""
     information: float
     """(det of the information)^(1/p) / K on scaled parameters: O1 squared of the literature."""
     condition: float
@@ -76,105 +73,6 @@ def drawn_between(recorded: NDArray, count: int, rng: np.random.Generator) -> ND
     return low + (high - low) * rng.beta(_ENDS, _ENDS, (count, len(low)))
 
 
-def position_jacobians(
-    model: SelfModel,
-    readings: NDArray,
-    marker: str | None = None,
-    joint_sigma: float = 0.0,
-    point_sigma: float = 1.0,
-) -> NDArray:
-    """Return how the hand moves with the free parameters, the estimator's own derivatives.
-
-    With `joint_sigma` each pose is whitened by what joint noise does to the hand there, as a pose
-    with long levers tells less.
-
-    Args:
-        model: A self-model near enough, such as the robot's description.
-        readings: Encoder readings. Shape (N, n).
-        marker: Tracked point; the first one if omitted.
-        joint_sigma: Standard deviation of play of every joint [rad].
-        point_sigma: Of each measured coordinate; 1 leaves the rows in metres [m].
-
-    Returns:
-        Columns scaled so that each parameter's natural size is 1: lengths in levers of the arm,
-        which are the same for any poses. Parameters that the model was given and did not learn
-        have no column. Shape (N, 3, p).
-
-    Raises:
-        ValueError: If the readings have not n columns, or there is no such marker.
-    """
-    parameters: DhParameters = model.parameters
-    index = 0 if marker is None else model.chain.marker_index(marker)
-    readings = np.atleast_2d(np.asarray(readings, dtype=float))
-    if readings.ndim != 2 or readings.shape[1] != len(model.joints):
-        raise ValueError(f"readings must have shape (N, {len(model.joints)}), got {readings.shape}")
-    angles = model.servos.to_radians(readings)
-    _, jacobian = parameters.predict(angles, np.full(len(angles), index))
-    names, free = parameters.names, _free(model, index)
-    size = _lever(model, index)
-    rows = jacobian[:, :, free] * parameters.scales(size)[free]
-    # d(hand) / d(joint angle) = -gear d(hand) / d(theta_offset)
-    offsets = [names.index(f"{joint}.theta_offset") for joint in model.joints]
-    by_angle = jacobian[:, :, offsets] * -model.servos.gear
-    covariance = point_sigma**2 * np.eye(3) + joint_sigma**2 * by_angle @ np.swapaxes(
-        by_angle, 1, 2
-    )
-    return np.linalg.solve(np.linalg.cholesky(covariance), rows)
-
-
-def bending_priors(model: SelfModel, marker: str | None = None) -> NDArray:
-    """Return what is known beforehand of what bends, as rows beside those of poses.
-
-    Its numbers were held near zero while they were learned: each effect's have about the standard
-    deviation that they show, loads about their own size.
-
-    Args:
-        model: A self-model.
-        marker: Tracked point; the first one if omitted.
-
-    Returns:
-        In the units of `position_jacobians` with a noise of 1 m. Shape (G, 3, p); G is 0 of a
-        rigid arm.
-    """
-    index = 0 if marker is None else model.chain.marker_index(marker)
-    free, bending = _free(model, index), model.bending
-    if bending is None:
-        return np.zeros((0, 3, len(free)))
-    parameters, noise = model.parameters, model.noise_sigma or 1e-3
-    scales = dict(zip(parameters.names, parameters.scales(_lever(model, index)), strict=True))
-    spread: dict[str, float] = {}
-    for effect in bending.effects:
-        size = float(np.sqrt(np.mean(np.square(getattr(bending, effect))))) or 1e-6
-        spread |= dict.fromkeys(bending.names_of(effect), size)
-    names = [parameters.names[i] for i in free]
-    held = [k for k, name in enumerate(names) if name in spread]
-    rows = np.zeros((3 * -(-len(held) // 3), len(free)))
-    for row, k in enumerate(held):
-        rows[row, k] = noise * scales[names[k]] / spread[names[k]]
-    return rows.reshape(-1, 3, len(free))
-
-
-def _free(model: SelfModel, marker: int) -> list[int]:
-    """Return which parameters measurements of one point determine."""
-    names, gauge = model.parameters.names, model.parameters.gauge
-    learned = names if model.covariance is None else model.covariance.names
-    own = f"hand.{model.markers[marker]}."
-    return [
-        i
-        for i, name in enumerate(names)
-        if name in learned
-        and name not in gauge
-        and (not name.startswith("hand.") or name.startswith(own))
-    ]
-
-
-def _lever(model: SelfModel, marker: int) -> float:
-    """Return the root mean square distance of a point from the axes [m]."""
-    chain = model.chain
-    arms = np.cross(chain.p_WH_zero[marker] - chain.points, chain.directions)
-    return float(np.sqrt(np.mean(np.sum(arms**2, axis=1)))) or 1.0
-
-
 @on_one_blas_thread
 def choose_poses(
     jacobians: NDArray,
@@ -187,7 +85,7 @@ def choose_poses(
     """Choose poses from a pool.
 
     Args:
-        jacobians: Of the pool, as `position_jacobians` returns them. Shape (N, k, p).
+        jacobians: Of what each pose of the pool shows, in units of its noise. Shape (N, k, p).
         count: How many to choose.
         criterion: `D`, or `I` for the prediction over the targets.
         targets: Jacobians of the poses that must be predicted well; the pool's by default.
@@ -223,8 +121,8 @@ def hand_sigma(recorded: NDArray, targets: NDArray) -> float:
         targets: Jacobians of the poses that must be predicted well. Shape (M, 3, p).
 
     Returns:
-        Root mean square over the targets, for a noise of 1 m in each coordinate; infinite where
-        the recorded poses do not determine the parameters.
+        Root mean square over the targets, in their unit, where the recorded ones are in units of
+        their noise; infinite where these do not determine the parameters.
     """
     H = np.einsum("nki,nkj->ij", recorded, recorded)
     if _is_singular(H):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.errors import DataError
+from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.planning.next_poses import choose_next_poses
 from nico_selfmodel.plant import ArmDescription
@@ -55,6 +55,30 @@ def test_the_error_they_promise_is_the_one_the_covariance_gives_afterwards(learn
     sigma = after.predict(recorded.encoders).sigma
     unit = np.sqrt(3.0 * np.mean(sigma**2)) / after.noise_sigma
     assert chosen.sigma_after / learned.noise_sigma == pytest.approx(unit, rel=0.1)
+
+
+def test_the_error_now_is_what_the_model_says_of_itself(learned, recorded):
+    chosen = choose_next_poses(learned, recorded, 2, np.random.default_rng(1))
+    sigma = learned.predict(recorded.encoders).sigma
+    assert chosen.sigma_before == pytest.approx(np.sqrt(3.0 * np.mean(sigma**2)), rel=1e-9)
+    assert chosen.sigma_after < chosen.sigma_before
+
+
+def test_poses_whose_joints_are_read_worse_promise_less(learned, recorded):
+    noise = learned.fit["pose_noise"]
+    louder = noise | {"joint_sigma_rad": [3.0 * sigma for sigma in noise["joint_sigma_rad"]]}
+    other = replace(learned, fit=dict(learned.fit) | {"pose_noise": louder})
+    one, two = (
+        choose_next_poses(model, recorded, 10, np.random.default_rng(1))
+        for model in (learned, other)
+    )
+    assert one.sigma_before == two.sigma_before
+    assert two.sigma_after > 1.1 * one.sigma_after
+
+
+def test_a_model_without_error_bars_is_refused(learned, recorded):
+    with pytest.raises(ModelError, match="does not say how well it is known"):
+        choose_next_poses(replace(learned, covariance=None), recorded, 5, np.random.default_rng(4))
 
 
 @pytest.mark.slow

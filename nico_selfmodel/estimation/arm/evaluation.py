@@ -103,12 +103,21 @@ def expected_covariance(
         What is uncertain about the model and the noise that its training showed, shape (N, 3, 3);
         None where it does not know how well it knows itself.
     """
-    noise = _noise_at(model, readings, marker)
+    noise = noise_at(model, readings, marker)
     return None if known is None or noise is None else known + noise
 
 
-def _noise_at(model: SelfModel, readings: NDArray, marker: NDArray) -> NDArray | None:
-    """Return the covariance of what sensor and joints add to each point [m^2]. (N, 3, 3)."""
+def noise_at(model: SelfModel, readings: NDArray, marker: NDArray) -> NDArray | None:
+    """Return the covariance of what sensor and joints add to each point [m^2].
+
+    Args:
+        model: The self-model.
+        readings: Of its joints, in its units. Shape (N, n).
+        marker: Index of each row's marker. Shape (N,).
+
+    Returns:
+        Shape (N, 3, 3); None where the model does not say.
+    """
     noise = PoseNoise.of(model)
     if noise is None:
         sigma = model.noise_sigma
