@@ -81,6 +81,20 @@ def mapping(value: Any, name: str) -> dict[str, Any]:
     return value
 
 
+def last_mapping(document: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return the mapping with which a document ends, empty where nothing is known of it.
+
+    Raises:
+        ValueError: If it is not there, as of a file that was cut off, or something else.
+    """
+    if document.get(name) is None:
+        raise ValueError(
+            f"it ends before {name!r} ({{}} where none is known), as a file does that was cut off: "
+            "copy it again, or learn it anew"
+        )
+    return mapping(document[name], name)
+
+
 def mappings(value: Any, name: str) -> list[dict[str, Any]]:
     """Return a list of mappings.
 

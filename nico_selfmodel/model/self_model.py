@@ -45,6 +45,11 @@ class ParameterCovariance:
         matrix = frozen_covariance(self.matrix, len(self.names))
         object.__setattr__(self, "matrix", matrix)
 
+    @property
+    def document(self) -> dict[str, Any]:
+        """It as plain data of a file."""
+        return {"names": list(self.names), "matrix": self.matrix.tolist()}
+
 
 @dataclass(frozen=True, eq=False)
 class Prediction:

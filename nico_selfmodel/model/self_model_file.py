@@ -23,6 +23,7 @@ from nico_selfmodel.model.document_values import (
     LARGEST_SIGMA_M,
     LARGEST_SIGMA_PX,
     damage,
+    last_mapping,
     mapping,
     mappings,
     number,
@@ -117,10 +118,8 @@ def _document(model: SelfModel) -> dict[str, Any]:
         "robot": {},
         "fit": dict(model.fit),
         "provenance": dict(model.provenance),
+        "covariance": {} if model.covariance is None else model.covariance.document,
     }
-    if model.covariance is not None:
-        matrix = model.covariance.matrix.tolist()
-        document["covariance"] = {"names": list(model.covariance.names), "matrix": matrix}
     return document
 
 
@@ -169,7 +168,7 @@ def _led_from(robot: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def _model(document: dict[str, Any], path: Path) -> SelfModel:
-    known, robot = document.get("covariance"), kept_values.robot(document.get("robot"))
+    known, robot = last_mapping(document, "covariance"), kept_values.robot(document.get("robot"))
     if robot and robot["urdf"].startswith(_HERE):
         robot["urdf"] = str(real_path(path).parent / robot["urdf"])
     arm = "chain" in document or "servos" in document
@@ -178,7 +177,7 @@ def _model(document: dict[str, Any], path: Path) -> SelfModel:
         document["name"],
         _chain(mapping(document["chain"], "chain")) if arm else None,
         _servo_map(mappings(document["servos"], "servos")) if arm else None,
-        _covariance(mapping(known, "covariance")) if known else None,
+        _covariance(known) if known else None,
         sigma(document.get("noise_sigma_m"), "noise_sigma_m", LARGEST_SIGMA_M),
         robot,
         kept_values.fit(document.get("fit"), len(document["servos"]) if arm else 0),

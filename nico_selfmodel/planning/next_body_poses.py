@@ -15,7 +15,7 @@ from nico_selfmodel.dataset.body.body_dataset import BodyDataset, ObservationTab
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES, SIGHTS
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
-from nico_selfmodel.estimation.tree.tree_errors import told_as
+from nico_selfmodel.estimation.tree.tree_errors import told_by
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.geometry.transform import apply, inverse
@@ -72,7 +72,7 @@ def choose_next_body_poses(
             f"body {model.name!r} has no covariance: learn it by `calibrate body` from what "
             "cameras or trackers saw"
         )
-    index, told = _marker(model, marker), told_as(model.tree, data)
+    index, told = _marker(model, marker), told_by(model, data)
     kinds = np.array([info.kind for info in told.sensors])[told.observations.sensor]
     own = (told.observations.marker == index) & np.isin(kinds, SIGHTS)
     seen = np.unique(told.observations.pose[own])

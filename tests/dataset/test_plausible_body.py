@@ -100,10 +100,42 @@ def again(data, copies):
 def test_a_recording_of_which_much_stands_there_again_is_refused(tmp_path, copies, refused):
     data = again(one_arm(1, poses=12).data, copies)
     if not refused:
-        assert len(read_back(data, tmp_path).sample) == 12 + copies
+        with pytest.warns(UserWarning, match="3 of 15 observations are of one pose and the same"):
+            assert len(read_back(data, tmp_path).observations) == 12
         return
     with pytest.raises(DataError, match="are copies, to the last digit, of earlier ones"):
         read_back(data, tmp_path)
+
+
+def logged_again(data, times, jitter):
+    """Return a recording of which each sample is logged some times, one after the other."""
+    count, table = len(data.sample), data.observations
+    rows, again = np.repeat(np.arange(count), times), np.repeat(np.arange(len(table)), times)
+    nth = np.tile(np.arange(times), len(table))
+    made = {key: getattr(table, key)[again] for key in ("sensor", "marker", "other", "mirror")}
+    values = table.values[again] + jitter * nth[:, None]
+    return replace(
+        data,
+        sample=np.arange(count * times),
+        readings=data.readings[rows],
+        flanges=data.flanges[rows],
+        approach=data.approach[rows],
+        observations=replace(table, pose=table.pose[again] * times + nth, values=values, **made),
+    )
+
+
+@pytest.mark.parametrize("jitter", [0.0, 1e-9])
+def test_rows_that_are_logged_again_count_once_and_measurements_of_a_standing_robot_all(
+    tmp_path, jitter
+):
+    data = logged_again(one_arm(1, poses=12, markers=2).data, 4, jitter)
+    if jitter:
+        assert len(read_back(data, tmp_path).observations) == 96
+        return
+    with pytest.warns(UserWarning, match=r"72 of 96 .* tell nothing new, they count once"):
+        kept = read_back(data, tmp_path)
+    np.testing.assert_array_equal(np.unique(kept.observations.pose), np.arange(0, 48, 4))
+    assert (kept.pose == np.repeat(np.arange(12), 4)).all()
 
 
 def test_pixels_outside_their_images_are_warned_of(tmp_path):

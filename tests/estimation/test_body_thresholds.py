@@ -16,7 +16,6 @@ from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.model_verdict import judge_body_errors
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, WARNING, Errors
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
-from nico_selfmodel.estimation.tree.contradictions import off_at_once
 from nico_selfmodel.estimation.tree.contradictions.contradiction_words import misdescribed_words
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, severity_of
 from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed
@@ -28,6 +27,7 @@ from nico_selfmodel.estimation.tree.contradictions.standing_still import (
 )
 from nico_selfmodel.estimation.tree.contradictions.told_values import agreeing_start
 from nico_selfmodel.estimation.tree.contradictions.wrong_readings import gears_taken_for_noise
+from nico_selfmodel.estimation.tree.timing import off_at_once
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_findings import described_words
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.body.joining import joined
+from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.model_verdict import judge_body_errors
 from nico_selfmodel.estimation.tree.compared_errors import (
@@ -16,7 +17,7 @@ from nico_selfmodel.estimation.tree.compared_errors import (
     usual_errors,
 )
 from nico_selfmodel.estimation.tree.tree_calibration import refit_tree
-from nico_selfmodel.estimation.tree.tree_errors import errors_of
+from nico_selfmodel.estimation.tree.tree_errors import errors_of, told_by
 from nico_selfmodel.estimation.tree.tree_result import tree_result
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
@@ -114,3 +115,18 @@ def test_what_is_expected_is_told_for_each_kind(both):
     assert errors.compared_by == "mm"
     kept = ~found.solution.outliers
     assert set(expected_errors(found.train, kept, None)) == {"mm", "px"}
+
+
+@pytest.mark.parametrize(("counts", "refused"), [(4096, False), (4095, True), (8192, True)])
+def test_counts_of_a_turn_are_those_that_the_body_was_learned_with(counts, refused):
+    made = one_arm(1, joints=2, poses=6)
+    per_count = 2.0 * np.pi / 4096.0
+    model = BodyModel("arm", made.tree, np.array([per_count, 1.0]), None, {}, {}, {})
+    first, second = made.data.joints
+    counting = replace(first, encoder_unit="counts", counts_per_turn=counts)
+    data = replace(made.data, joints=(counting, second))
+    if not refused:
+        assert told_by(model, data).joints == data.joints
+        return
+    with pytest.raises(DataError, match=r"a count of joint 'j1' is .* correct counts_per_turn"):
+        told_by(model, data)

@@ -10,8 +10,8 @@ import pytest
 from nico_selfmodel.dataset.body.body_dataset import ObservationTable
 from nico_selfmodel.estimation.diagnosis.changes_in_time import NOTABLE, Change
 from nico_selfmodel.estimation.judging import judge, result_of
-from nico_selfmodel.estimation.tree.contradictions import moved_meanwhile as module
-from nico_selfmodel.estimation.tree.contradictions.moved_meanwhile import (
+from nico_selfmodel.estimation.tree.timing import moved_meanwhile as module
+from nico_selfmodel.estimation.tree.timing.moved_meanwhile import (
     LEAST_RATIO,
     moved_meanwhile,
 )

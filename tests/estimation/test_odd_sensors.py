@@ -91,6 +91,7 @@ def test_a_sensor_is_odd_where_all_others_fit_far_better_without(monkeypatch, wo
         return left.get(names[gone[0]], worst) if len(gone) else worst
 
     monkeypatch.setattr(against_the_rest, "largest_error", error)
+    monkeypatch.setattr(against_the_rest, "explained_by_lag", lambda *_: False)
     parameters = TreeParameters(blank_body(data, {}))
     found = SimpleNamespace(start=SimpleNamespace(parameters=parameters))
     if named is None:
@@ -98,6 +99,8 @@ def test_a_sensor_is_odd_where_all_others_fit_far_better_without(monkeypatch, wo
         return
     with pytest.raises(DataError, match=named):
         refuse_odd_sensor(found, data, lambda *_: None, 0)
+    monkeypatch.setattr(against_the_rest, "explained_by_lag", lambda *_: True)
+    refuse_odd_sensor(found, data, lambda *_: None, 0)
 
 
 def test_a_sensor_that_alone_sees_a_joint_is_not_odd(monkeypatch):
@@ -113,6 +116,7 @@ def test_a_sensor_that_alone_sees_a_joint_is_not_odd(monkeypatch):
         "largest_error",
         lambda found, data: 0.9 if 0 in data.observations.sensor else 0.001,
     )
+    monkeypatch.setattr(against_the_rest, "explained_by_lag", lambda *_: False)
     parameters = TreeParameters(blank_body(others, {}))
     found = SimpleNamespace(start=SimpleNamespace(parameters=parameters))
     refuse_odd_sensor(found, others, lambda *_: None, 0)

@@ -7,7 +7,7 @@ import pytest
 
 from nico_selfmodel.dataset.body.sensors import SensorInfo
 from nico_selfmodel.estimation.judging import judge
-from nico_selfmodel.estimation.tree.contradictions.off_at_once import LEAST_RATIO, at_once
+from nico_selfmodel.estimation.tree.timing.off_at_once import LEAST_RATIO, at_once
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.model.tree.body_tree import Attached
 

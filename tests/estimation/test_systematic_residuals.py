@@ -7,7 +7,7 @@ import pytest
 
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration, calibrate_kinematics
-from nico_selfmodel.estimation.diagnosis.score_test import ScoreTest
+from nico_selfmodel.estimation.diagnosis.score_test import arm_test
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.noise.arm_solution import Linearised
 
@@ -103,7 +103,7 @@ def test_noise_makes_a_pattern_as_rarely_as_is_said():
             result = calibrate_kinematics(data, explain=False, effects=())
             rows, parameters = Observations.from_dataset(data), result.model.parameters
             linear = Linearised.at(rows, parameters, ~result.outliers, result.noise)
-            test = ScoreTest.at(linear, result.free)
+            test = arm_test(linear, result.free)
             for effect in _effects(rows, parameters):
                 by_angle = linear.by_angle[:, :, effect.joint, None]
                 chances.append(test.of(by_angle * effect.turns[:, None]).chance)

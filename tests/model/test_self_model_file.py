@@ -136,7 +136,7 @@ def with_twin_joints(document):
 
 def with_no_joints(document):
     document["chain"]["rows"], document["servos"] = [], []
-    del document["covariance"]
+    document["covariance"] = {}
 
 
 SPOILT = {
@@ -146,6 +146,10 @@ SPOILT = {
     "no alpha": (without("chain", "rows", 2, "alpha"), "'alpha' is missing"),
     "no gear": (without("servos", 1, "gear"), "'gear' is missing"),
     "no unit": (without("servos", 0, "unit"), "'unit' is missing"),
+    "no covariance": (
+        without("covariance"),
+        "ends before .covariance.*copy it again",
+    ),
     "no matrix": (without("covariance", "matrix"), "'matrix' is missing"),
     "one servo less": (without("servos", 3), "different joints"),
     "one covariance row less": (without("covariance", "matrix", 1), "not a valid self-model"),

@@ -18,6 +18,7 @@ from nico_selfmodel.dataset.body.body_dataset import (
     ObservationTable,
     check_names,
 )
+from nico_selfmodel.dataset.body.copies import without_copies
 from nico_selfmodel.dataset.body.link_joint import LinkJoint
 from nico_selfmodel.dataset.body.plausible_body import check_plausible_body
 from nico_selfmodel.dataset.body.sensors import SENSOR_COLUMNS, MarkerInfo, SensorInfo
@@ -95,7 +96,7 @@ def load_body_dataset(folder: str | PathLike[str]) -> BodyDataset:
         check_plausible_body(data)
     except (DataError, ValueError) as error:
         raise DataError(f"{folder}: {error}") from None
-    return data
+    return without_copies(data)
 
 
 def save_body_dataset(

@@ -13,6 +13,7 @@ from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import (
     chance_of_more,
     describe_outliers,
+    equal_readings,
     exchanged_names,
     foreign_markers,
 )
@@ -92,12 +93,7 @@ def _warnings(calibration: KinematicCalibration) -> list[str]:
     both = [change for change in (calibration.change, calibration.lag) if change is not None]
     words += [change.warning for change in both if change.warning]
     rows = calibration.train.observations
-    visits = len(np.unique(rows.sample))
-    if len(rows.poses) < visits:
-        words.append(
-            f"{visits} samples are of {len(rows.poses)} poses: samples with equal readings count "
-            "as one pose, in splits as in sigmas"
-        )
+    words += equal_readings(len(np.unique(rows.sample)), len(rows.poses))
     words += _joint_noise_words(calibration)
     if calibration.causes.stopped_after is not None:
         words.append(

@@ -25,7 +25,6 @@ from nico_selfmodel.estimation.bending.what_bends import At, arm_at
 from nico_selfmodel.estimation.diagnosis.changes_in_time import (
     Change,
     change_in_time,
-    lag_in_time,
 )
 from nico_selfmodel.estimation.diagnosis.fault_hypotheses import (
     Causes,
@@ -37,9 +36,10 @@ from nico_selfmodel.estimation.diagnosis.fixed_parameter_check import (
     contradicted_parameters,
 )
 from nico_selfmodel.estimation.diagnosis.gear_check import DoubtfulGear, doubtful_gears
+from nico_selfmodel.estimation.diagnosis.lag_in_time import Steps, lag_in_time
 from nico_selfmodel.estimation.diagnosis.nominal_check import robot_reason
 from nico_selfmodel.estimation.diagnosis.outliers_in_time import outliers_in_time
-from nico_selfmodel.estimation.diagnosis.score_test import ScoreTest
+from nico_selfmodel.estimation.diagnosis.score_test import ArmTest, arm_test
 from nico_selfmodel.estimation.diagnosis.systematic_residuals import (
     Pattern,
     likeliest_backlash,
@@ -55,6 +55,7 @@ from nico_selfmodel.estimation.initialization.start_search import (
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution, Linearised
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
 from nico_selfmodel.estimation.noise.pose_sums import PoseSums, refine_on_all
+from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.self_model import SelfModel
@@ -62,8 +63,6 @@ from nico_selfmodel.names import listed
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 METHODS = ("refine", "circle-points")
-_EXPLAINS = 2.0
-"""Ratio of the mean residuals without and with a lag from which on it is the cause of a misfit."""
 _PATTERNS = 4
 """Patterns of the residuals that a change in time is told from."""
 
@@ -287,7 +286,7 @@ class _Doubts:
             observations = observations.select(task.witnesses)
             solved = replace(solved, outliers=outliers[task.witnesses])
         linear = Linearised.at(observations, solved.parameters, ~solved.outliers, noise)
-        test = ScoreTest.at(linear, solved.free)
+        test = arm_test(linear, solved.free)
         joints = zip(observations.joints, task.gear_known & task.gear_pinned, strict=True)
         held = frozenset(f"{joint}.gear" for joint, known in joints if known) - solved.free
         patterns = systematic_patterns(observations, solved.parameters, test)
@@ -301,8 +300,17 @@ class _Doubts:
                 change_in_time(observations, solved, known, patterns),
                 apart,
             ),
-            lag_in_time(observations, solved.parameters, test),
+            _lag(observations, solved, test),
         )
+
+
+def _lag(observations: Observations, solved: ArmSolution, test: ArmTest) -> Change | None:
+    servos = solved.parameters.servos
+    q = (observations.angles - servos.offset) / servos.gear
+    steps = Steps.of(observations.sample, q)
+    everything = np.ones(len(q), dtype=bool)
+    joints = {name: j for j, name in enumerate(observations.joints)}
+    return lag_in_time(steps, test, {"the points": everything}, joints)
 
 
 def _notable(*changes: Change | None) -> Change | None:
@@ -331,7 +339,7 @@ def _causes(
     foreign = foreign_marker(task.observations)
     if foreign is not None:
         return Causes((foreign,))
-    if doubts.lag is not None and doubts.lag.ratio > _EXPLAINS:
+    if doubts.lag is not None and doubts.lag.explains:
         return Causes((doubts.lag.what,))
     return causes_of_misfit(
         task.observations,

@@ -17,11 +17,7 @@ from nico_selfmodel.estimation.diagnosis.score_sums import (
     ScoreSums,
     sums_of_arm,
 )
-from nico_selfmodel.estimation.diagnosis.score_test import ScoreTest
-from nico_selfmodel.estimation.diagnosis.systematic_residuals import (
-    Pattern,
-    backlash_columns,
-)
+from nico_selfmodel.estimation.diagnosis.systematic_residuals import Pattern
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
@@ -33,8 +29,6 @@ NOTABLE = 1.1
 """Ratio of the mean residuals without and with it that makes a change worth a failure."""
 FEWEST_VISITS = 20
 """Visits below which no change, and samples below which no lag is looked for."""
-_LEAST_LAG = 0.01
-"""Part of the time between two samples below which a lag is something else, such as backlash."""
 _FOLLOWS = 0.9
 """Correlation of a reading with time above which place and time cannot be told apart ..."""
 _OVERLAP = 0.2
@@ -64,6 +58,11 @@ class Change:
     def notable(self) -> bool:
         """Whether other recordings will miss by more than the held-out poses of this one."""
         return self.ratio > NOTABLE and self.told_from_place
+
+    @property
+    def explains(self) -> bool:
+        """Whether it explains so much that all else that is wrong follows from it."""
+        return self.ratio > _EXPLAINS_MUCH and self.told_from_place
 
     @property
     def reason(self) -> str | None:
@@ -245,48 +244,3 @@ def _groups(parameters: DhParameters, names: tuple[str, ...]) -> Iterator[tuple[
         return f"tracker or base {verb(drift, 'turned')} by about {degrees:.2g} deg"
 
     yield turned, [names.index(f"M0.{axis}") for axis in ("rx", "ry", "rz")]
-
-
-def lag_in_time(
-    observations: Observations, parameters: DhParameters, test: ScoreTest
-) -> Change | None:
-    """Find whether points were measured earlier or later than the readings beside them.
-
-    A point that lags by a part t of the time between two samples misses by -t dp/dq (q_k - q_k-1).
-
-    Args:
-        observations: What was measured; samples are numbered in the order of time.
-        parameters: The arm.
-        test: Residuals at the solution, what they are known to depend on granted.
-
-    Returns:
-        The lag, or None where there is none.
-    """
-    samples, first, of = np.unique(observations.sample, return_index=True, return_inverse=True)
-    if len(samples) < FEWEST_VISITS:
-        return None
-    # Of samples that are missing in between, the part that one of them would have had.
-    moves = np.diff(observations.angles[first], axis=0) / np.diff(samples)[:, None]
-    zero = np.zeros((1, moves.shape[1]))
-    best, cases = None, ((zero, moves, "lag behind"), (moves, zero, "lead"))
-    for first_part, second_part, verb in cases:
-        move = (np.vstack([first_part, second_part]) / parameters.servos.gear)[of.reshape(-1)]
-        columns = np.einsum("nij,nj->ni", test.linear.by_angle, move)
-        score = test.of(columns[:, :, None])
-        if score.chance < LARGEST_CHANCE and (best is None or score.gain > best[0].gain):
-            best = (score, verb)
-    if best is None:
-        return None
-    score, verb = best
-    # Backlash follows the direction of motion too, but not how far it went.
-    backlash = test.of(backlash_columns(observations, test.linear.by_angle))
-    if backlash.gain - _SIMPLER * backlash.dof > score.gain:
-        return None
-    size = abs(float(score.values[0]))
-    if size < _LEAST_LAG:
-        return None
-    what = (
-        f"the points {verb} the readings by about {size:.2g} of the time between two samples: take "
-        "both at one moment, or let the arm settle before each sample"
-    )
-    return Change(what, score.improvement)

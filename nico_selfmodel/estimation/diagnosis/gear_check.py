@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from nico_selfmodel.estimation.diagnosis.score_test import Score, ScoreTest
+from nico_selfmodel.estimation.diagnosis.score_test import ArmTest, Score
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 
 _LEAST_CHANGE = 0.02
@@ -25,7 +25,7 @@ class DoubtfulGear:
 
 
 def doubtful_gears(
-    test: ScoreTest, parameters: DhParameters, held: frozenset[str], ripples: Mapping[str, Score]
+    test: ArmTest, parameters: DhParameters, held: frozenset[str], ripples: Mapping[str, Score]
 ) -> tuple[DoubtfulGear, ...]:
     """Test held gears: one step of least squares in which they may move.
 

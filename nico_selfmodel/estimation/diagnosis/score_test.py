@@ -6,12 +6,16 @@ the number of columns where the effect is not there (Rao 1948). Nothing is solve
 """
 
 from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.arm_solution import Linearised
 from nico_selfmodel.optimization.chi_square import chi_square_tail
+
+_TOLD = 1e-6
+"""Part of an effect's square below which the fit has it already."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,37 +41,84 @@ class Score:
         return chi_square_tail(self.gain, self.dof) if self.dof else 1.0
 
 
-class ScoreTest:
+class Weighed(Protocol):
+    """Residuals at a solution, d numbers a row, as noise weighs them."""
+
+    @property
+    def residuals(self) -> NDArray:
+        """Measured minus predicted, in one unit. Shape (N, d)."""
+        ...
+
+    @property
+    def by_angle(self) -> NDArray:
+        """Derivatives of the predictions by displacements of joints. Shape (N, d, n)."""
+        ...
+
+    @property
+    def rows(self) -> NDArray:
+        """Which rows count. Shape (K,)."""
+        ...
+
+    @property
+    def whitened_residuals(self) -> NDArray:
+        """Those of the rows that count, then what priors leave. Shape (T,)."""
+        ...
+
+    def whitened(self, columns: NDArray) -> NDArray:
+        """Whiten columns of the rows that count. Shape (N, d, m) -> (T, m)."""
+        ...
+
+
+_Weighed_co = TypeVar("_Weighed_co", bound=Weighed, covariant=True)
+
+
+class ScoreTest(Generic[_Weighed_co]):
     """Residuals and fitted directions at a solution, against which effects are held."""
 
-    def __init__(self, linear: Linearised, fitted: NDArray) -> None:
+    def __init__(self, linear: _Weighed_co, fitted: NDArray, white: NDArray | None = None) -> None:
         """Prepare.
 
         Args:
             linear: Residuals and derivatives at the solution.
-            fitted: Changes of the predictions that the fit could make. Shape (N, 3, k).
+            fitted: Changes of the predictions that the fit could make. Shape (N, d, k).
+            white: The same whitened, where priors hold some. Shape (T, k).
         """
         self.linear, self._fitted = linear, fitted
-        U = linear.whitened(fitted)
+        self._white = linear.whitened(fitted) if white is None else white
+        U, u = self._white, linear.whitened_residuals
         self._size = np.maximum(np.linalg.norm(U, axis=0), np.finfo(float).tiny)
         self._Q, self._R = np.linalg.qr(U / self._size)
-        u = linear.whitened_residuals
         self.u = u - self._Q @ (self._Q.T @ u)
-        self.count = 3 * len(linear.whitening.groups.rows)
-        self.redundancy = max(self.count - U.shape[1], 1)
+        count = linear.residuals.shape[1] * len(linear.rows)
+        self.redundancy = max(count - U.shape[1], 1)
         self.variance = max(float(self.u @ self.u) / self.redundancy, np.finfo(float).tiny)
 
-    @classmethod
-    def at(cls, linear: Linearised, free: frozenset[str]) -> "ScoreTest":
-        """Prepare the test at a solution whose free parameters were fitted."""
-        chosen = [i for i, name in enumerate(linear.names) if name in free]
-        return cls(linear, linear.jacobian[:, :, chosen])
+    def beside(self, columns: NDArray) -> "ScoreTest[_Weighed_co]":
+        """Return the test had the fit some effects too. Shape (N, d, m)."""
+        fitted = np.concatenate([self._fitted, columns], axis=2)
+        white = np.hstack([self._white, self.linear.whitened(columns)])
+        return ScoreTest(self.linear, fitted, white)
 
-    def of(self, columns: NDArray) -> Score:
+    def one_by_one(self, columns: NDArray) -> tuple[NDArray, NDArray]:
+        """Hold columns against the residuals, each an effect by itself. Shape (N, d, m).
+
+        Returns:
+            Gains and numbers of each, as of a `Score`; 0 of what the fit has already. (m,) each.
+        """
+        Z = self.linear.whitened(columns)
+        length = np.sum(Z**2, axis=0)
+        Z = Z - self._Q @ (self._Q.T @ Z)
+        left, along = np.sum(Z**2, axis=0), Z.T @ self.u
+        told = left > _TOLD * np.maximum(length, np.finfo(float).tiny)
+        values = np.divide(along, left, out=np.zeros(len(along)), where=told)
+        return values * along / self.variance, values
+
+    def of(self, columns: NDArray, *, of_moved: bool = False) -> Score:
         """Hold an effect against the residuals.
 
         Args:
-            columns: Change of the predictions by its numbers. Shape (N, 3, m).
+            columns: Change of the predictions by its numbers. Shape (N, d, m).
+            of_moved: Whether errors are compared of rows that it moves, not of all.
 
         Returns:
             The score; columns that the fit has already do not count.
@@ -78,14 +129,16 @@ class ScoreTest:
         Z = Z - self._Q @ inside
         size = np.maximum(length, np.finfo(float).tiny)
         values, vectors = np.linalg.eigh((Z / size).T @ (Z / size))
-        kept = values > 1e-6
+        kept = values > _TOLD
         basis = vectors[:, kept] / values[kept]
         along = (Z / size).T @ self.u
         numbers = basis @ (vectors[:, kept].T @ along) / size
         fall = float(along @ (basis @ (vectors[:, kept].T @ along)))
         taken = np.linalg.lstsq(self._R, inside @ numbers, rcond=1e-10)[0] / self._size
         moved = np.tensordot(columns, numbers, 1) - np.tensordot(self._fitted, taken, 1)
-        rows = self.linear.whitening.groups.rows
+        rows = self.linear.rows
+        if of_moved:
+            rows = rows[columns[rows].any(axis=(1, 2))]
         before, after = (
             np.linalg.norm(r[rows], axis=1).mean()
             for r in (self.linear.residuals, self.linear.residuals - moved)
@@ -104,3 +157,13 @@ class ScoreTest:
         variance = np.sum(basis * vectors[:, kept], axis=1) / size**2 * self.variance
         lost = (np.abs(vectors[:, ~kept]) > 1e-3).any(axis=1)
         return np.where(lost, np.inf, np.sqrt(variance))
+
+
+ArmTest = ScoreTest[Linearised]
+"""Of an arm."""
+
+
+def arm_test(linear: Linearised, free: frozenset[str]) -> ArmTest:
+    """Prepare the test of an arm at a solution whose free parameters were fitted."""
+    chosen = [i for i, name in enumerate(linear.names) if name in free]
+    return ScoreTest(linear, linear.jacobian[:, :, chosen])

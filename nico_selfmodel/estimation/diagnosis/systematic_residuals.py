@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.diagnosis.score_test import Score, ScoreTest
+from nico_selfmodel.estimation.diagnosis.score_test import ArmTest, Score
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 
@@ -44,7 +44,7 @@ class Pattern:
 
 
 def systematic_patterns(
-    observations: Observations, parameters: DhParameters, test: ScoreTest
+    observations: Observations, parameters: DhParameters, test: ArmTest
 ) -> tuple[Pattern, ...]:
     """Name what the residuals depend on.
 
@@ -132,7 +132,7 @@ def backlash_columns(observations: Observations, by_angle: NDArray) -> NDArray:
     return by_angle * _sides(observations)[:, None]
 
 
-def likeliest_backlash(observations: Observations, test: ScoreTest) -> NDArray:
+def likeliest_backlash(observations: Observations, test: ArmTest) -> NDArray:
     """Return `backlash_columns` where joints that have not moved yet stand on the likelier side.
 
     No sample tells from which side a joint came before its first motion; the half width is that of

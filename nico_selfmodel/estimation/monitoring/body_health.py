@@ -21,7 +21,7 @@ from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 from nico_selfmodel.estimation.tree.compared_errors import alone_off, usual_by
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
-from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, told_as
+from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, told_by
 from nico_selfmodel.estimation.tree.tree_noise import noise_named
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
@@ -144,7 +144,7 @@ def white_poses(model: BodyModel, data: BodyDataset) -> tuple[PoseResiduals, NDA
     Raises:
         DataError: If the recording is of another body.
     """
-    told = told_as(model.tree, data)
+    told = told_by(model, data)
     kinds = np.array([sensor.kind for sensor in told.sensors])
     seen = TreeObservations.of(told, np.isin(kinds[told.observations.sensor], SIGHTS))
     silent = (name for name in model.tree.joints if f"{name} turn" not in model.noise)

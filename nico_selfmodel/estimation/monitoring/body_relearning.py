@@ -18,7 +18,7 @@ from nico_selfmodel.estimation.results.verdict import outliers_are_many
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.known.learned_anew import LearnedAnew, learn_anew
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
-from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, errors_of, told_as
+from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, errors_of, told_by
 from nico_selfmodel.estimation.tree.tree_noise import noise_named
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import FRAME_PARTS, SHIFTS, TreeParameters
@@ -94,7 +94,7 @@ def relearn_body(model: BodyModel, data: BodyDataset, report: HealthReport) -> B
         raise ValueError("nothing changed: there is nothing to learn anew")
     clock, cause = time.perf_counter(), report.diagnoses[0].hypothesis
     since = data.select(np.isin(data.sample, report.sample[report.changed_at :]))
-    told = told_as(model.tree, since)
+    told = told_by(model, since)
     unseen = _unseen(told) & {name.rpartition(".")[0] for name in cause.names}
     names = (name for name in cause.names if name.rpartition(".")[0] not in unseen)
     anew = learn_anew(model, model.tree, told, frozenset(names))
@@ -149,7 +149,7 @@ def rezero_body(
         ValueError: If there is no such joint, or it has no encoder.
     """
     clock, tree = time.perf_counter(), model.tree
-    told = told_as(tree, data)
+    told = told_by(model, data)
     lost = _lost(tree, joints)
     zeros = [f"{joint}.{_ZERO[tree.motions[tree.joints.index(joint)]]}" for joint in lost]
     names, seen = frozenset(zeros), TreeObservations.of(told)
@@ -194,7 +194,7 @@ def calibrate_body_tool(
     known = name in [marker.name for marker in model.tree.markers]
     before = errors_of(model.tree, data) if known else None
     tree = model.tree if known else _with_tip(model.tree, data, name)
-    told = told_as(tree, data)
+    told = told_by(replace(model, tree=tree), data)
     turned = _is_turned(data, name)
     names = frozenset(f"{name}.{part}" for part in (FRAME_PARTS if turned else SHIFTS))
     anew = _relearned(model, tree, told, names, test)

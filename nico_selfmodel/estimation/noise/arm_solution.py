@@ -122,6 +122,11 @@ class Linearised:
         return self.whitening.root(self.whitening.groups.gather(columns))
 
     @property
+    def rows(self) -> NDArray:
+        """Rows that count. Shape (K,)."""
+        return self.whitening.groups.rows
+
+    @property
     def whitened_residuals(self) -> NDArray:
         """Whitened residuals of the rows that count. Shape (coordinates,)."""
         return self.whitened(self.residuals[:, :, None])[:, 0]

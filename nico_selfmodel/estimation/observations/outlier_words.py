@@ -181,3 +181,13 @@ def chance_of_more(found: int, n: int, before: int, m: int) -> float:
     total = found + before
     ways = sum(comb(n, k) * comb(m, total - k) for k in range(found, min(n, total) + 1))
     return ways / comb(n + m, total)
+
+
+def equal_readings(samples: int, poses: int) -> list[str]:
+    """Say how many poses samples are of, where some have equal readings."""
+    if poses == samples:
+        return []
+    return [
+        f"{samples} samples are of {poses} poses: samples with equal readings count as one pose, "
+        "in splits as in sigmas"
+    ]

@@ -14,6 +14,7 @@ from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.bending.ladder import Ladder, climb
 from nico_selfmodel.estimation.bending.steps import STEPS
 from nico_selfmodel.estimation.bending.what_bends import At
+from nico_selfmodel.estimation.diagnosis.changes_in_time import Change
 from nico_selfmodel.estimation.diagnosis.flatness import Flatness
 from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend
 from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boards
@@ -37,7 +38,13 @@ from nico_selfmodel.estimation.tree.contradictions.unplaced_markers import (
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.guesses.lens_guess import PARTS, guessed_lenses
 from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart, agreeing, searched_start
-from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, cross_validate_tree, errors_of
+from nico_selfmodel.estimation.tree.timing.late_sensors import late_sensors
+from nico_selfmodel.estimation.tree.tree_errors import (
+    TreeErrors,
+    cross_validate_tree,
+    errors_as_described,
+    errors_of,
+)
 from nico_selfmodel.estimation.tree.tree_noise import names_of_noise
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
@@ -107,6 +114,8 @@ class TreeCalibration:
     """Markers that were seen too seldom to be placed, and how often."""
     anew: bool = False
     """Whether a few parameters of a known body were learned, which here is taken for exact."""
+    late: Change | None = None
+    """What is of another moment than the rest, if anything is."""
 
     @cached_property
     def held(self) -> dict[str, HeldScore]:
@@ -316,13 +325,18 @@ def _finished(
     cause = dead_encoders(data, data.joint_names) or too_short(setup.scale_from, told)
     lost = hardly_seen(data, ~rigid.outliers)
     check_that_it_stayed(parameters, start.values, rigid.values, cause, lost)
-    ladder = bends(problem, rigid)
+    late, ladder = None if anew else late_sensors(problem, rigid, test), bends(problem, rigid)
+    bent = ladder.solution
+    if late is not None and ladder.adopted:  # what bends may depend on how joints move, too
+        late = late_sensors(bent.problem, bent.solution, test, bends=True) and late
+    if late is not None and late.explains:
+        ladder = Ladder((), TreeBend(problem, rigid))
     problem, solution = ladder.solution.problem, ladder.solution.solution
     residuals = problem.residuals
     parameters = residuals.parameters
     tree = parameters.tree_of(solution.values)
     seen = data if test is None else test
-    described = description and _as_described(problem, solution, seen)
+    described = description and errors_as_described(problem, solution, seen)
     uncertainty = ladder.in_doubt(_uncertainty(problem, solution, setup), ladder.solution.posture)
     told = parameters.names if anew else tuple(setup.fixed)  # known before, all is told
     unplaced = unplaced_markers(data, ~solution.outliers, uncertainty, told)
@@ -346,26 +360,8 @@ def _finished(
         ladder,
         unplaced=unplaced,
         anew=anew,
+        late=late,
     )
-
-
-def _as_described(problem: TreeProblem, solution: TreeSolution, seen: BodyDataset) -> TreeErrors:
-    """Return what the robot as described leaves, with sensors and markers where training has them.
-
-    Args:
-        problem: What was solved.
-        solution: Where it ended.
-        seen: The recording that is predicted.
-    """
-    parameters = problem.residuals.parameters.layout
-    values = solution.values.copy()
-    values[: 6 * len(parameters.base.joints)] = 0.0
-    values[parameters.bends] = 0.0
-    held = parameters.of_joint_frames | set(parameters.names[parameters.bends])
-    free = frozenset(problem.free_names) - held
-    residuals = problem.residuals.erring(None)
-    placed = TreeProblem(residuals, free, {}).rough(values)[0]
-    return errors_of(parameters.tree_of(placed), seen)
 
 
 def _uncertainty(problem: TreeProblem, solution: TreeSolution, setup: TreeSetup) -> Uncertainty:

@@ -23,12 +23,16 @@ from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
 from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.encoder_units import COUNTS
+from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import FREE, Attached, BodyTree
 from nico_selfmodel.model.tree.free_joints import body_alone, with_free_joints
 from nico_selfmodel.names import listed
 
 _NO_PART = 1e-6
 """Share of what a fold alone tells that is rounding."""
+_SAME_COUNT = 1e-9
+"""Share by which the size of a count may differ, by rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +117,24 @@ def beside_boards(tree: BodyTree, data: BodyDataset) -> BodyTree:
         if m.on in new
     )
     return with_free_joints(tree, tuple(new), markers)
+
+
+def told_by(model: BodyModel, data: BodyDataset) -> BodyDataset:
+    """Return a recording as `told_as` does, of a body that knows how its joints are read.
+
+    Raises:
+        DataError: As `told_as`, or if counts of a turn, or which way readings rise, are others.
+    """
+    told = told_as(model.tree, data)
+    for joint, known in zip(told.joints, model.si_per_unit.tolist(), strict=True):
+        own = joint.si_per_unit
+        if joint.encoder_unit == COUNTS and joint.is_read and abs(own / known - 1.0) > _SAME_COUNT:
+            raise DataError(
+                f"a count of joint {joint.name!r} is {own:.6g} of what it turns or slides by in "
+                f"data set {data.name!r} (rad, m), {known:.6g} where the body was learned: correct "
+                "counts_per_turn or sign there, or learn the body anew"
+            )
+    return told
 
 
 def told_as(tree: BodyTree, data: BodyDataset) -> BodyDataset:
@@ -228,3 +250,24 @@ def _told(problem: TreeProblem, solution: TreeSolution, open_ways: NDArray) -> N
     J = problem.linear_at(solution.values, problem.poses).J[problem.columns]
     largest = np.abs(J).T @ np.abs(open_ways)
     return np.asarray((np.abs(J.T @ open_ways) <= _NO_PART * largest).all(axis=1))
+
+
+def errors_as_described(
+    problem: TreeProblem, solution: TreeSolution, seen: BodyDataset
+) -> TreeErrors:
+    """Return what the robot as described leaves, with sensors and markers where training has them.
+
+    Args:
+        problem: What was solved.
+        solution: Where it ended.
+        seen: The recording that is predicted.
+    """
+    parameters = problem.residuals.parameters.layout
+    values = solution.values.copy()
+    values[: 6 * len(parameters.base.joints)] = 0.0
+    values[parameters.bends] = 0.0
+    held = parameters.of_joint_frames | set(parameters.names[parameters.bends])
+    free = frozenset(problem.free_names) - held
+    residuals = problem.residuals.erring(None)
+    placed = TreeProblem(residuals, free, {}).rough(values)[0]
+    return errors_of(parameters.tree_of(placed), seen)

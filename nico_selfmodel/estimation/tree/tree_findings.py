@@ -6,10 +6,13 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
 from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, FIRST_SIGMA, SIGHTS
 from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
+from nico_selfmodel.estimation.diagnosis.changes_in_time import Change
 from nico_selfmodel.estimation.diagnosis.flatness import bent_reasons
 from nico_selfmodel.estimation.diagnosis.gear_check import DoubtfulGear, gear_words
 from nico_selfmodel.estimation.noise.hand_noise import LARGEST_JOINT_NOISE
+from nico_selfmodel.estimation.observations.outlier_words import equal_readings
 from nico_selfmodel.estimation.results.calibration_result import (
+    CAUSE,
     FAILURE,
     LAST,
     MISFIT,
@@ -27,8 +30,6 @@ from nico_selfmodel.estimation.tree.contradictions.contradiction_words import (
 )
 from nico_selfmodel.estimation.tree.contradictions.exchanged_markers import exchanged_markers
 from nico_selfmodel.estimation.tree.contradictions.heavy_tails import slipping_joints
-from nico_selfmodel.estimation.tree.contradictions.moved_meanwhile import moved_meanwhile
-from nico_selfmodel.estimation.tree.contradictions.off_at_once import sensors_off_at_once
 from nico_selfmodel.estimation.tree.contradictions.sensor_noise import (
     loose_sigmas,
     noisy_joints,
@@ -38,6 +39,8 @@ from nico_selfmodel.estimation.tree.contradictions.sensor_noise import (
 from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
 from nico_selfmodel.estimation.tree.contradictions.wrong_readings import gears_taken_for_noise
 from nico_selfmodel.estimation.tree.guesses.flange_guess import CHECK_FLANGE
+from nico_selfmodel.estimation.tree.timing.moved_meanwhile import moved_meanwhile
+from nico_selfmodel.estimation.tree.timing.off_at_once import sensors_off_at_once
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.estimation.tree.tree_observations import ENOUGH_TOUCHES, TURN_NOISE
@@ -74,7 +77,10 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     said += kept_words(ladder, calibration.tree.bending, calibration.at)
     doubts = [f"too few poses to test whether mirror {name!r} is flat: record ten"
               for name, test in calibration.flatness.items() if test is None]  # fmt: skip
+    data = calibration.data
+    seen = np.isin(np.arange(len(data.sample)), data.observations.pose)
     doubts += [
+        *equal_readings(int(seen.sum()), len(np.unique(data.pose[seen]))),
         *misdescribed_words(calibration),
         *_told_by_no_pose(calibration),
         *_seldom_words(calibration),
@@ -92,6 +98,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     ]
     changed = [change.reason] if change is not None and change.reason else []
     return (
+        *_late_findings(calibration.late),
         *contradiction_findings(calibration),
         *findings(
             MISFIT, [*_noise_reasons(calibration), *sensor_misfits(calibration), *unexplained]
@@ -103,6 +110,14 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
         *findings(WARNING, [*bending_warnings(ladder, calibration.at), *doubts]),
         *findings(NOTE, said),
     )
+
+
+def _late_findings(late: Change | None) -> list[Finding]:
+    """Say what is of another moment: before joints and gears are blamed for it."""
+    if late is None:
+        return []
+    kind = CAUSE if late.explains else FAILURE if late.notable else WARNING
+    return [Finding(kind, late.what if late.notable else str(late.warning))]
 
 
 def _told_by_no_pose(calibration: TreeCalibration) -> list[str]:

@@ -19,7 +19,14 @@ from nico_selfmodel.geometry.transform import check_rigid
 from nico_selfmodel.model.arm.bending_document import bending_document, bending_of
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL, intrinsics_of
-from nico_selfmodel.model.document_values import damage, mapping, mappings, numbers, texts
+from nico_selfmodel.model.document_values import (
+    damage,
+    last_mapping,
+    mapping,
+    mappings,
+    numbers,
+    texts,
+)
 from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.model.tree.body_check import (
     check_joint,
@@ -118,9 +125,7 @@ def _body_text(model: BodyModel) -> str:
         document["contacts"] = dict(tree.contacts)
     if tree.bending is not None:
         document["bending"] = bending_document(tree.bending)
-    if model.covariance is not None:
-        matrix = model.covariance.matrix.tolist()
-        document["covariance"] = {"names": list(model.covariance.names), "matrix": matrix}
+    document["covariance"] = {} if model.covariance is None else model.covariance.document
     return yaml_text(document)
 
 
@@ -233,9 +238,8 @@ def _model(document: dict[str, Any]) -> BodyModel:
         ),
         checked_contacts(document.get("contacts")),
     )
-    known = document.get("covariance")
-    covariance = None
-    if known is not None:
+    known, covariance = last_mapping(document, "covariance"), None
+    if known:
         check_parameters(texts(known["names"], "covariance"), tree.names)
         covariance = ParameterCovariance(
             tuple(texts(known["names"], "covariance")), numbers(known["matrix"], "covariance")

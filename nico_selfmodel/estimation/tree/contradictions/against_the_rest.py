@@ -10,6 +10,7 @@ from nico_selfmodel.errors import DataError, SelfModelError
 from nico_selfmodel.estimation.noise.hand_noise import LARGEST_NOISE
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart
+from nico_selfmodel.estimation.tree.timing.late_sensors import explained_by_lag
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_setup import moving_joints
 from nico_selfmodel.optimization.losses import robust_scale
@@ -44,7 +45,7 @@ def refuse_odd_sensor(found: FoundStart, data: BodyDataset, search: Search, seed
         DataError: If there are such sensors.
     """
     worst = largest_error(found, data)
-    if worst < LARGEST_NOISE:
+    if worst < LARGEST_NOISE or explained_by_lag(found.start, data):
         return
     few, parameters = some_samples(data, seed), found.start.parameters
     left_by = dict[str, float]()

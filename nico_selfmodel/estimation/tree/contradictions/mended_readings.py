@@ -32,6 +32,7 @@ from nico_selfmodel.estimation.tree.guesses.point_guess import (
     limb_observations,
 )
 from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart
+from nico_selfmodel.estimation.tree.timing.late_sensors import explained_by_lag
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.model.tree.body_tree import REVOLUTE, WHOLE_POSES, WORLD, BodyTree
 from nico_selfmodel.names import listed
@@ -63,7 +64,7 @@ def start_as_it_was_read(
         DataError: If there are such joints; it names them and their unit.
     """
     found = _in_stated_units(data, moving, search)
-    if found.start.cost > _POOR * found.scalars:
+    if found.start.cost > _POOR * found.scalars and not explained_by_lag(found.start, data):
         if described:
             _refuse_reversed(data, moving, search, seed)
         else:

@@ -22,7 +22,7 @@ from nico_selfmodel.model.tree.body_tree import WHOLE_POSES, BodyTree
 _LARGEST = 0.02
 """Standard deviation to which a pose must tell a joint [rad or m]: where little tells of one that
 is read wrongly, where it is put is no better a place to be linear about than the reading."""
-_MOST = 0.35
+MOST_SLIPS = 0.35
 """Share of the visits in which a joint is read wrongly from which on it does not slip: what it is
 read to says nothing, and whatever it is put to would fit."""
 
@@ -50,7 +50,7 @@ def joint_errors(
     left = sigma * np.sqrt(np.maximum(np.einsum("vmm->vm", spread), 0.0))
     by_visit = np.where(left > _LARGEST, 0.0, mean * sigma)
     if loose is not None and len(loose):
-        by_visit[:-1, loose.mean(axis=0) > _MOST] = 0.0
+        by_visit[:-1, loose.mean(axis=0) > MOST_SLIPS] = 0.0
     joints = observations.data.joints
     whole = [joints[i].motion in WHOLE_POSES for i, _ in observations.noisy_joints]
     by_visit[:, whole] = 0.0

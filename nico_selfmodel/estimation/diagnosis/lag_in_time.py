@@ -1,0 +1,178 @@
+"""Whether what was seen, or a joint's reading, is of another moment than the readings beside it.
+
+What lags by a part t of the step between two samples misses by -t dp/dq (q_k - q_k-1). A wrong
+gear, an eccentric disc, gravity and backlash miss by what depends on where a joint is and from
+which side it came: a lag is one where it explains what these do not.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.diagnosis.changes_in_time import (
+    FEWEST_VISITS,
+    Change,
+)
+from nico_selfmodel.estimation.diagnosis.score_test import ScoreTest, Weighed
+
+_SURE, _BESIDE = 28.4, 15.1
+"""Chi square of one number that chance exceeds once in 1e7, `LARGEST_CHANCE`, and once in 1e4: of a
+lag, and of a lag beside all that tells nothing of time."""
+_LEAST_REDUNDANCY = 15
+"""Numbers left over below which nothing is told."""
+_ALIKE = 0.2
+"""Part of the largest lag below which another one's is no lag."""
+_ADVICE = "take both at one moment, or let the robot settle before each sample"
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """How joints moved about the moment of each row [rad or m]."""
+
+    place: NDArray
+    """Where they were. Shape (N, n)."""
+    since: NDArray
+    """From the sample before, by one number of a sample; 0 at the first. Shape (N, n)."""
+    until: NDArray
+    """To the sample after, alike. Shape (N, n)."""
+    samples: int
+    """How many samples there are."""
+
+    @classmethod
+    def of(cls, sample: NDArray, place: NDArray, moves: NDArray | None = None) -> "Steps":
+        """Return them of rows.
+
+        Args:
+            sample: Number of each row's sample, in the order of time. Shape (N,).
+            place: Displacements of joints. Shape (N, n).
+            moves: By how much they went from one sample to the next; the difference of places if
+                omitted. Shape (samples - 1, n).
+        """
+        samples, first, of = np.unique(sample, return_index=True, return_inverse=True)
+        moves = np.diff(place[first], axis=0) if moves is None else moves
+        # Of samples that are missing in between, the part that one of them would have had.
+        steps = moves / np.diff(samples)[:, None]
+        none = np.zeros((1, place.shape[1]))
+        since, until = (np.vstack(both)[of.ravel()] for both in ((none, steps), (steps, none)))
+        return cls(place, since, until, len(samples))
+
+    def at(self, rows: NDArray) -> "Steps":
+        """Return them of other rows, that are of the moments of these. Shape (M,)."""
+        return Steps(self.place[rows], self.since[rows], self.until[rows], self.samples)
+
+    @property
+    def alone(self) -> Iterator[NDArray]:
+        """What tells nothing of time: turns by where a joint is, and the side it came from."""
+        q = self.place
+        yield from (q, np.sin(q), np.cos(q), np.sin(2.0 * q), np.cos(2.0 * q))
+        yield np.sign(self.since)
+
+
+@dataclass(frozen=True, eq=False)
+class _Suspect:
+    """What may be of another moment."""
+
+    name: str
+    column: NDArray
+    """What a whole step changes of the predictions. Shape (N, d, 1)."""
+    lags: bool
+    """Whether it lags; else it leads."""
+
+
+def lag_in_time(
+    steps: Steps,
+    test: ScoreTest[Weighed],
+    seen: Mapping[str, NDArray],
+    joints: Mapping[str, int],
+    *,
+    granted: bool = True,
+) -> Change | None:
+    """Find what lags behind the readings or leads them, and which readings lag behind what is seen.
+
+    Args:
+        steps: How joints moved about each row.
+        test: Residuals at the solution.
+        seen: Rows that one sensor tells, by what is said of them in the plural. Boolean, (N,) each.
+        joints: Columns of joints that are read, by name.
+        granted: Whether a lag must explain what joints' places and sides do not.
+
+    Returns:
+        The lags, or None where there is none.
+    """
+    if steps.samples < FEWEST_VISITS:
+        return None
+    by_angle = test.linear.by_angle
+    suspects, found = list(_suspects(steps, by_angle, seen, joints)), list[_Suspect]()
+    columns, patterns = np.concatenate([one.column for one in suspects], axis=2), None
+    while len(found) <= len(seen):
+        known = [one.column for one in found]
+        plain = test.beside(np.concatenate(known, axis=2)) if known else test
+        late = _late(plain, columns, _SURE)
+        if not late.any():
+            break
+        if patterns is None:
+            patterns = _patterns(steps, by_angle) if granted else by_angle[:, :, :0]
+        beside = plain.beside(patterns)
+        late &= _late(beside, columns, _BESIDE)
+        if beside.redundancy < _LEAST_REDUNDANCY or not late.any():
+            break
+        gain = beside.one_by_one(columns)[0]
+        found.append(suspects[int(np.argmax(np.where(late, gain, 0.0)))])
+    if not found:
+        return None
+    score = test.of(np.concatenate([one.column for one in found], axis=2), of_moved=True)
+    return Change(_words(found, score.values, list(seen)), score.improvement)
+
+
+def _late(test: ScoreTest[Weighed], columns: NDArray, sure: float) -> NDArray:
+    """Return which columns gain more than that, the right way round. Shape (m,)."""
+    gain, values = test.one_by_one(columns)
+    return (gain > sure) & (values > 0.0)
+
+
+def _patterns(steps: Steps, by_angle: NDArray) -> NDArray:
+    """Return what tells nothing of time, as changes of the predictions. Shape (N, d, m)."""
+    out = np.concatenate([by_angle * turns[:, None] for turns in steps.alone], axis=2)
+    return out[:, :, out.any(axis=(0, 1))]
+
+
+def _suspects(
+    steps: Steps, by_angle: NDArray, seen: Mapping[str, NDArray], joints: Mapping[str, int]
+) -> Iterator[_Suspect]:
+    everywhere = np.ones(len(by_angle), dtype=bool)
+    for move, lags in ((steps.since, True), (steps.until, False)):
+        sign = 1.0 if lags else -1.0
+        moved = np.einsum("ndj,nj->nd", by_angle, move)[:, :, None]
+        for name, rows in {**seen, "": everywhere}.items():
+            if name or len(seen) > 1:
+                yield _Suspect(name, -sign * moved * rows[:, None, None], lags)
+        for name, j in joints.items():
+            column = by_angle[:, :, j, None] * move[:, j, None, None]
+            yield _Suspect(f"the readings of {name!r}", sign * column, lags)
+
+
+def _words(found: list[_Suspect], values: NDArray, seen: list[str]) -> str:
+    """Say what lags by how much; what is said of all sensors is added to what is said of one."""
+    of_all = "what all sensors saw"
+    signed = [(one.name, v if one.lags else -v) for one, v in zip(found, values, strict=True)]
+    sizes: dict[str, float] = {}
+    for name, size in signed:
+        sizes[name or of_all] = sizes.get(name or of_all, 0.0) + float(size)
+    if of_all in sizes and len(sizes) > 1 and any(name in sizes for name in seen):
+        common = sizes.pop(of_all)
+        sizes |= {name: sizes.get(name, 0.0) + common for name in seen}
+    largest = max(map(abs, sizes.values()))
+    said = []
+    for name, size in sizes.items():
+        if abs(size) < _ALIKE * largest:
+            continue
+        many = not name.startswith("what ")
+        verb = ("lag behind" if many else "lags behind") if size > 0.0 else "lead"
+        verb = verb if many or size > 0.0 else "leads"
+        other = "what was seen" if name.startswith("the readings of") else "the readings"
+        said.append(
+            f"{name} {verb} {other} by about {abs(size):.2g} of the time between two samples"
+        )
+    return f"{'; '.join(said)}: {_ADVICE}"

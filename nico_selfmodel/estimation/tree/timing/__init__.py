@@ -1,0 +1,1 @@
+"""What moved while a body was recorded, and what was seen or read at another moment."""
