@@ -142,10 +142,12 @@ class _Misfit:
         """Return whether this is so much less that the readings were to blame."""
         if lonely:
             return self.noise < 1.1 * before.noise
-        less = self.noise < before.noise / _BETTER and self.noise < _EXPLAINED * size
+        explained = self.noise < _EXPLAINED * size
+        less = self.noise < before.noise / _BETTER
         less = less and self.wrong <= max(_MANY_OUTLIERS, before.wrong)
         fewer = self.noise < 1.5 * before.noise and self.wrong < _FEWER_OUTLIERS * before.wrong
-        return less or (fewer and before.wrong > _MANY_OUTLIERS)
+        fewer = fewer and before.wrong > _MANY_OUTLIERS
+        return explained and (less or fewer)
 
     def __str__(self) -> str:
         """Say it in words."""

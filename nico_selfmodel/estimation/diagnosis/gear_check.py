@@ -8,6 +8,8 @@ from nico_selfmodel.model.arm.dh_parameters import DhParameters
 
 _LEAST_CHANGE = 0.02
 _LEAST_SIGMAS = 5.0
+_NEAR = 0.1
+"""How far from 1 a gear may be that one step tells."""
 _AS_MUCH = 0.8
 """Part of what waves in a joint's angle explain that its gear must explain by itself."""
 
@@ -56,10 +58,17 @@ def doubtful_gears(
 
 
 def gear_words(gears: Iterable[DoubtfulGear]) -> list[str]:
-    """Say which gears the data contradict, and what to do."""
-    return [
-        f"`{gear.name}` is held at 1 because the encoder is said to read joint angles, but the "
-        f"data ask for about {gear.value:.4g} (+- {gear.sigma:.2g}): correct the unit, or add "
-        f"--free {gear.name}"
-        for gear in gears
-    ]
+    """Say which gears the data contradict, and what to do.
+
+    One step tells how large a gear is where that is near: far from it other joints go along.
+    """
+    said = []
+    for gear in gears:
+        wanted = f"about {gear.value:.4g} (+- {gear.sigma:.2g})"
+        if abs(gear.value - 1.0) > _NEAR:
+            wanted = "one that is far from it"
+        said.append(
+            f"`{gear.name}` is held at 1 because the encoder is said to read joint angles, but the "
+            f"data ask for {wanted}: correct the unit, or add --free {gear.name}"
+        )
+    return said

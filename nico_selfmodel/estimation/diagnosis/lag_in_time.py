@@ -127,9 +127,14 @@ def lag_in_time(
 
 
 def _late(test: ScoreTest[Weighed], columns: NDArray, sure: float) -> NDArray:
-    """Return which columns gain more than that, the right way round. Shape (m,)."""
+    """Return which columns are likelier than that, the right way round. Shape (m,).
+
+    Of N numbers left a lag explains the part R^2; twice the logarithm of its likelihood, with the
+    noise that it leaves, is -N log(1 - R^2). Of few numbers a score is N R^2 at most.
+    """
     gain, values = test.one_by_one(columns)
-    return (gain > sure) & (values > 0.0)
+    part = np.minimum(gain / test.redundancy, 1.0 - 1e-12)
+    return (-test.redundancy * np.log1p(-part) > sure) & (values > 0.0)
 
 
 def _patterns(steps: Steps, by_angle: NDArray) -> NDArray:
