@@ -39,6 +39,8 @@ _TURN = 0.1
 """What a radian that the finger leans too far counts as, where these are chosen [m]."""
 _FAR = 0.02
 """What ends farther away than this is far away [m]."""
+_STEPS = 100
+"""Of a solver: one that finds no posture would take 1000, and none that does was lost with 30."""
 _LOADED_ROUNDS = 4
 """How often the posture of an arm that bends is taken into account."""
 
@@ -292,7 +294,7 @@ class TouchPlanner:
             )
         if asked >= 2:
             problem.AddMinimumDistanceLowerBoundConstraint(CLEAR, CLEAR)
-        return np.clip(minimum_near(program, now, x[columns]), *self._reach)
+        return np.clip(minimum_near(program, now, x[columns], _STEPS), *self._reach)
 
     def _good(self, q: NDArray, place: _Place, away: float, asked: int) -> bool:
         """Return whether a posture has all that was asked for; the arm stands so afterwards."""
