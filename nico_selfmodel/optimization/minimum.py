@@ -4,19 +4,24 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.solvers import Solve
+from pydrake.solvers import SnoptSolver, Solve, SolverOptions
 
 
-def minimum_near(program: Any, start: NDArray, of: Any) -> NDArray:
+def minimum_near(program: Any, start: NDArray, of: Any, most: int | None = None) -> NDArray:
     """Return where a program's variables end, whether or not the solver is content.
 
     Args:
         program: A `MathematicalProgram`, for instance of Drake's `InverseKinematics`.
         start: Values of all its variables to start from.
         of: The variables that are asked for. Shape (k,).
+        most: Steps after which SNOPT, which Drake takes for such programs, gives up; its own 1000
+            if omitted.
 
     Returns:
         Shape (k,). A solver that gives up leaves its last values: whoever asks must look whether
         they are good.
     """
-    return np.asarray(Solve(program, start).GetSolution(of), dtype=float)
+    options = SolverOptions()
+    if most is not None:
+        options.SetOption(SnoptSolver.id(), "Major iterations limit", most)
+    return np.asarray(Solve(program, start, options).GetSolution(of), dtype=float)

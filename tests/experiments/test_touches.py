@@ -182,7 +182,7 @@ def test_a_robot_goes_to_marks_it_has_found_and_says_which_are_out_of_reach(monk
     missed = MarkTrial(2, Painted(MARK, mark, normal), (), None)
     monkeypatch.setattr(touches, "PLANS", 1)
     found = run_touches(
-        [Knowing(acquainted, body, {}, {}, {}, None)], MarkStage((*trials, missed), None)
+        [Knowing(acquainted, body, {}, {}, {}, None)], {}, MarkStage((*trials, missed), None)
     )
     first, second = found.marks
     assert first.way_exists

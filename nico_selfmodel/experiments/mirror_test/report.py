@@ -112,7 +112,7 @@ def report_of(test: MirrorTest) -> ExperimentReport:
         "seen in mirrors only, where is it, and is nothing found where it is not? Stage 7: does "
         "the finger touch it, and nothing else the body? No other stage "
         "is part of this test, and one that fails is the last that is judged, but for stage 3: "
-        "the later ones take shapes from the description. "
+        "the later ones expect to see the description's shapes. "
         f"{len(met.responses)} simulated robot(s) that learned cameras and arm by themselves, "
         f"{len(met.trials)} encounters in random order, both cameras, a picture of each every "
         f"{1e3 * PERIOD:.0f} ms; odds of {ODDS:,.0f} to 1 end an encounter.\n\n"
@@ -141,6 +141,7 @@ def _page(
     )
 
 
+KEPT_OFF = "learned where it was seen (stage 3), beside what its description gives"
 DERIVED_SHAPE = "derived: from what mirrors and cameras are known by"
 SET_COLOR = f"{100 * COLOR_SIGMA:g} %: set on robots 0 and 1; more where its looks tell"
 SET_MIDDLE = f"{PIXEL_SIGMA:g} and {LENS_SIGMA:g} px: set on robots 900 and 950"
@@ -159,11 +160,12 @@ def _given() -> Table:
         ["where the mirrors stand", "learned, from its hand, head and chest seen in them"],
         ["how head and body stand before them", "learned, from head and chest seen in them"],
         ["noise of its pictures, gain of a look", "learned, from its pictures"],
-        ["shape of head and chest", "learned, in mirrors (stage 3), and not used by later stages"],
+        ["shape of head and chest", "learned, in mirrors (stage 3); touching uses it"],
         ["which link a place of that belongs to", "given: the nearest line between its joints"],
         ["what that shape is off by in all pictures", DERIVED_SHAPE],
-        ["shape and colours of its links in stages 4 to 8", "given, by its description"],
-        ["where its finger is on its hand, what may not be touched", "given, by its description"],
+        ["shape and colours of its links in its expected pictures", "given, by its description"],
+        ["what of head and chest the arm keeps off", KEPT_OFF],
+        ["shape of its arm, where its finger is on its hand", "given, by its description"],
         ["light of the room", "given, but for its brightness and how the robot is turned in it"],
         ["what places of links are not known by", "learned, from looks at the unmarked body"],
         ["what colours are not known by", SET_COLOR],

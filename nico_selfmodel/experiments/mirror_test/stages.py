@@ -41,8 +41,8 @@ class MirrorTest:
     mirrors: MirrorsStage | None = None
     """Stage 2; None if one before failed."""
     structure: StructureStage | None = None
-    """Stage 3; None if one before failed. If it fails, the others go on: their shapes are the
-    description's."""
+    """Stage 3; None if one before failed. If it fails, the others go on: they expect to see the
+    description's shapes."""
     unmarked: UnmarkedStage | None = None
     """Stage 4; None if one before failed but the third."""
     marks: MarkStage | None = None
@@ -117,7 +117,7 @@ def _go_on(
     done["marks"] = run_marks(known, marks, progress)
     if any(one["status"] == "FAIL" for one in marks_documents(done["marks"])):
         return
-    done["touches"] = run_touches(known, done["marks"], progress)
+    done["touches"] = run_touches(known, done["structure"].shapes, done["marks"], progress)
 
 
 def _alone(found: _T) -> _T:

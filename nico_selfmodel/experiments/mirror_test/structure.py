@@ -1,7 +1,8 @@
 """Stage 3 of the mirror test: the outer shape of head and chest, learned in mirrors."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
+from nico_selfmodel.model.shape.link_shape import BodyShape
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 from nico_selfmodel.sessions.mirrors.acquaintance import rendered
 from nico_selfmodel.sessions.mirrors.knowing import Knowing, Refusal
@@ -62,6 +64,8 @@ class StructureStage:
     """In which the last robot looked at itself."""
     refusals: tuple[Refusal, ...] = ()
     """What robots say who found no surface."""
+    shapes: Mapping[int, BodyShape] = field(default_factory=dict)
+    """Seed of a robot -> what it has learned, which later stages may use."""
 
 
 def run_structure(robots: Sequence[Knowing], progress: Stage | None = None) -> StructureStage:
@@ -73,6 +77,7 @@ def run_structure(robots: Sequence[Knowing], progress: Stage | None = None) -> S
     """
     found: list[LinkStructure] = []
     refused: list[Refusal] = []
+    shapes: dict[int, BodyShape] = {}
     count = 0
     for i, known in enumerate(robots):
         try:
@@ -81,8 +86,9 @@ def run_structure(robots: Sequence[Knowing], progress: Stage | None = None) -> S
             refused.append(Refusal(known.robot.seed, str(error)))
             continue
         found += judged(known, shape, surfaces)
+        shapes[known.robot.seed] = shape.body
         count = len(shape.all.mirrors)
-    return StructureStage(tuple(found), count, tuple(refused))
+    return StructureStage(tuple(found), count, tuple(refused), MappingProxyType(shapes))
 
 
 def judged(known: Knowing, shape: LearnedShape, surfaces: Surfaces) -> list[LinkStructure]:

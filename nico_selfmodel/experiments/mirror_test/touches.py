@@ -1,6 +1,6 @@
 """Stage 7 of the mirror test: the finger goes to marks that were found, and nowhere else."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -11,6 +11,7 @@ from nico_selfmodel.estimation.mirrors.mark_place import ON_ME
 from nico_selfmodel.experiments.mirror_test.marks import MarkStage, MarkTrial
 from nico_selfmodel.experiments.mirror_test.painting import DIAMETER, MARK
 from nico_selfmodel.geometry.transform import apply, inverse
+from nico_selfmodel.model.shape.link_shape import BodyShape
 from nico_selfmodel.plant.touching.posed_arm import PosedArm
 from nico_selfmodel.plant.touching.touch_planner import OutOfReach, Touch, TouchPlanner
 from nico_selfmodel.sessions.mirrors.acquaintance import rendered
@@ -82,6 +83,8 @@ class TouchStage:
     """Those drawn anywhere on head and chest to which robots found a way."""
     drawn: int
     """Places that were drawn for these."""
+    shaped: int = 0
+    """Robots that planned with the shape they had learned, of those that planned."""
 
 
 class TouchJudge:
@@ -139,9 +142,20 @@ class TouchJudge:
 
 
 def run_touches(
-    robots: Sequence[Knowing], marks: MarkStage, progress: Stage | None = None
+    robots: Sequence[Knowing],
+    shapes: Mapping[int, BodyShape],
+    marks: MarkStage,
+    progress: Stage | None = None,
 ) -> TouchStage:
-    """Let robots touch marks that they have found, and places drawn anywhere."""
+    """Let robots touch marks that they have found, and places drawn anywhere.
+
+    Args:
+        robots: Who know themselves.
+        shapes: Seed of a robot -> what it has learned of head and chest; who is left out plans with
+            the description's.
+        marks: What was found.
+        progress: Told how far it is.
+    """
     touched: list[TouchTrial] = []
     plans: list[TouchTrial] = []
     drawn = 0
@@ -152,6 +166,7 @@ def run_touches(
         planner = TouchPlanner(
             nico.arm, known.robot.model, FINGER,
             held=known.body.angles, X_WB=known.body.X_WB, limits=judge.stops,
+            shape=shapes.get(seed),
         )  # fmt: skip
         own = [t for t in marks.trials if t.robot == seed and t.painted.kind == MARK]
         touched += _marks(seed, own, planner, judge)
@@ -159,7 +174,8 @@ def run_touches(
         plans += some[0]
         drawn += some[1]
         of_robot(progress, i, len(robots))("touching marks", 1, 1)
-    return TouchStage(tuple(touched), tuple(plans), drawn)
+    shaped = sum(known.robot.seed in shapes for known in robots)
+    return TouchStage(tuple(touched), tuple(plans), drawn, shaped)
 
 
 def _marks(

@@ -40,6 +40,7 @@ def touches_document(stage: TouchStage) -> dict[str, Any]:
         out_of_reach_said=said,
         plans=_row(stage.plans),
         drawn=stage.drawn,
+        robots_by_learned_shape=stage.shaped,
     )
 
 

@@ -1,6 +1,6 @@
 """The outer surfaces of links as they were learned."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import frozen_array, read_only
+from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import check_rigid
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
-from nico_selfmodel.names import check_name
+from nico_selfmodel.names import check_name, listed
 
 COLOR_STEPS = 255
 """Colours are told to one part of this, as pixels are."""
@@ -99,6 +100,22 @@ class BodyShape:
         object.__setattr__(self, "links", MappingProxyType(dict(self.links)))
         poses = {name: _rigid(self.X_WF[name], f"X_WF of {name}") for name in self.links}
         object.__setattr__(self, "X_WF", MappingProxyType(poses))
+
+    def check_links(self, links: Iterable[str]) -> None:
+        """Refuse a robot that lacks some of the links.
+
+        Args:
+            links: The robot's.
+
+        Raises:
+            ModelError: In that case.
+        """
+        there = list(links)
+        if strange := [link for link in self.links if link not in there]:
+            raise ModelError(
+                f"the learned shape is of {listed(strange)}, the robot has the links "
+                f"{listed(there)}: take the shape that was learned with this self-model"
+            )
 
 
 def _of_seen(value: NDArray, seen: NDArray, shape: tuple[int, ...], name: str) -> NDArray:

@@ -14,7 +14,6 @@ from nico_selfmodel.geometry.solids.capsule_fit import fit_capsules
 from nico_selfmodel.geometry.solids.solid import Solid, distance_to_solids
 from nico_selfmodel.model.shape.link_shape import BodyShape, LinkShape
 from nico_selfmodel.model.shape.shape_folder import file_names
-from nico_selfmodel.names import listed
 from nico_selfmodel.plant.urdf_document import append, child, children, numbers_text, set_origin
 
 MOST_CAPSULES = 4
@@ -84,11 +83,7 @@ class ShapeInUrdf:
             ModelError: If the robot has no such link.
         """
         links = {link.getAttribute("name"): link for link in children(robot, "link")}
-        if strange := [link for link in self.shape.links if link not in links]:
-            raise ModelError(
-                f"the learned shape is of {listed(strange)}, the robot has the links "
-                f"{listed(links)}: take the shape that was learned with this self-model"
-            )
+        self.shape.check_links(links)
         for name, file in file_names(self.shape, OBJ).items():
             link, X_NF = links[name], moved.get(name, np.eye(4))
             _take_away(robot, link)

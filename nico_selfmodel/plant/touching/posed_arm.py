@@ -13,14 +13,16 @@ from pydrake.systems.framework import DiagramBuilder
 
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.geometry.transform import apply
+from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.shape.link_shape import BodyShape
 from nico_selfmodel.names import listed
 from nico_selfmodel.plant.description import ArmDescription
 from nico_selfmodel.plant.link_surfaces import LinkSurface, link_surfaces
 from nico_selfmodel.plant.self_model_plant import SelfModelPlant
+from nico_selfmodel.plant.touching.learned_body import add_balls, seen_balls
 
-_FAR = 0.3
+_FAR = 0.1
 """Distance from which on nobody asks how far it is [m]."""
 
 
@@ -42,9 +44,10 @@ class PosedArm:
     """A learned arm and the body that carries it, with the description's collision shapes.
 
     The arm stands as a self-model has it, in the model's world W; all else as the description has
-    it, but for joints that are said to stand elsewhere. The finger, and the link next to the body,
-    which always touches it, do not count as near; nor does the arm to itself, whose joints' limits
-    keep it apart.
+    it, but for joints that are said to stand elsewhere. What was seen of the body counts beside
+    that (`seen_balls`), where it was learned. The finger, and the link next to the body, which
+    always touches it, do not count as near; nor does the arm to itself, whose joints' limits keep
+    it apart.
     """
 
     def __init__(
@@ -53,6 +56,8 @@ class PosedArm:
         model: SelfModel,
         finger: str,
         held: Mapping[str, float] | None = None,
+        shape: BodyShape | None = None,
+        X_WB: NDArray | None = None,
     ) -> None:
         """Build it.
 
@@ -61,9 +66,12 @@ class PosedArm:
             model: The arm as it is known.
             finger: Link beyond the arm whose collision shape is one capsule.
             held: Joint -> angle where one that nobody commands stands elsewhere [rad].
+            shape: What the robot has learned of the surfaces of its links.
+            X_WB: Where these stand, of where the learned arm has them. Shape (4, 4).
 
         Raises:
-            ModelError: If the model has other joints, or the link is no finger of that arm.
+            ModelError: If the model has other joints, the link is no finger of that arm, or the
+                shape is of other links.
         """
         builder = DiagramBuilder()
         self._built = SelfModelPlant.from_urdf(arm, model, builder=builder)
@@ -73,7 +81,6 @@ class PosedArm:
         self.arm, self.model = arm, model
         self.moving = frozenset(self._moved())
         self.finger = _finger(self._built, scene, finger, self.moving)
-        self._filter()
         self.surfaces: dict[str, LinkSurface] = link_surfaces(scene, self._built)
         """Link -> its surface, where that is made of simple solids."""
         self._diagram = builder.Build()
@@ -81,6 +88,7 @@ class PosedArm:
         self._own = self._built.own_context(self._root)
         if held:
             self._built.move_joints(self._own, held, list(held.values()))
+        self._filter(self._seen(shape, np.eye(4) if X_WB is None else X_WB) if shape else [])
 
     @property
     def plant(self) -> MultibodyPlant:
@@ -132,7 +140,7 @@ class PosedArm:
         return apply(X_WF, self.finger.p_FE[None])[0], X_WF[:3, :3] @ self.finger.way
 
     def clearance(self) -> tuple[float, str]:
-        """Return how far the arm is from the body, at most 0.3 m, and which links are so near."""
+        """Return how far the arm is from the body, at most 0.1 m, and which links are so near."""
         query: Any = self._scene.get_query_output_port().Eval(
             self._scene.GetMyContextFromRoot(self._root)
         )
@@ -151,8 +159,28 @@ class PosedArm:
         found = self.plant.GetBodiesKinematicallyAffectedBy([joint.index()])
         return [self.plant.get_body(index).name() for index in found]
 
-    def _filter(self) -> None:
-        """Let distances between arm and body be measured, and no others."""
+    def _seen(self, shape: BodyShape, X_WB: NDArray) -> list[Any]:
+        """Let collide what was seen of links that the arm does not move; return the shapes' ids."""
+        bodies = [self.plant.get_body(k) for k in self.plant.GetBodyIndices(self._built.instance)]
+        shape.check_links([body.name() for body in bodies])
+        own = self._scene.GetMyMutableContextFromRoot(self._root)
+        found = []
+        for body in bodies:
+            if body.name() in shape.links and body.name() not in self.moving:
+                X_WF = self.link_pose(body.name())
+                found += add_balls(
+                    self._scene, own, self.plant.get_source_id(),
+                    self.plant.GetBodyFrameIdOrThrow(body.index()),
+                    seen_balls(shape.links[body.name()]), inverse(X_WF) @ X_WB @ X_WF,
+                )  # fmt: skip
+        return found
+
+    def _filter(self, seen: list[Any]) -> None:
+        """Let distances between arm and body be measured, and no others.
+
+        Args:
+            seen: Shapes that count as parts of the body.
+        """
         plant, instance = self.plant, self._built.instance
         own: dict[str, list[Any]] = {}
         for index in plant.GetBodyIndices(instance):
@@ -161,9 +189,11 @@ class PosedArm:
         first = self.plant.GetJointByName(self.arm.joints[0], instance).child_body().name()
         near = {first, self.finger.link}
         moving = GeometrySet([g for k in sorted(self.moving - near) for g in own[k]])
-        still = GeometrySet([g for k, v in own.items() if k not in self.moving for g in v])
+        still = GeometrySet([g for k, v in own.items() if k not in self.moving for g in v] + seen)
         left_out = GeometrySet([g for k in sorted(near) for g in own[k]])
-        manager = self._scene.collision_filter_manager()
+        manager = self._scene.collision_filter_manager(
+            self._scene.GetMyMutableContextFromRoot(self._root)
+        )
         manager.Apply(
             CollisionFilterDeclaration()
             .ExcludeWithin(moving)

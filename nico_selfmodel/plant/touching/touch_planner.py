@@ -11,6 +11,7 @@ from nico_selfmodel.arrays import frozen_array, read_only
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.shape.link_shape import BodyShape
 from nico_selfmodel.names import listed
 from nico_selfmodel.optimization.minimum import minimum_near
 from nico_selfmodel.plant.description import ArmDescription
@@ -38,6 +39,8 @@ _TURN = 0.1
 """What a radian that the finger leans too far counts as, where these are chosen [m]."""
 _FAR = 0.02
 """What ends farther away than this is far away [m]."""
+_STEPS = 100
+"""Of a solver: one that finds no posture would take 1000, and none that does was lost with 30."""
 _LOADED_ROUNDS = 4
 """How often the posture of an arm that bends is taken into account."""
 
@@ -124,6 +127,7 @@ class TouchPlanner:
         held: Mapping[str, float] | None = None,
         X_WB: ArrayLike | None = None,
         limits: ArrayLike | None = None,
+        shape: BodyShape | None = None,
     ) -> None:
         """Take an arm as it is known; nothing moves.
 
@@ -132,19 +136,22 @@ class TouchPlanner:
             model: The learned arm.
             finger: Link of the finger, whose collision shape is one capsule.
             held: Joint -> angle where one that nobody commands stands elsewhere [rad].
-            X_WB: Where the body stands, of where the learned arm has it; places move by it, what
-                must not be touched stays. Shape (4, 4).
+            X_WB: Where the body stands, of where the learned arm has it; places and what
+                was seen of it move by it, the description's shapes stay. Shape (4, 4).
             limits: Of the readings, lower and upper [encoder units], which count in place of the
                 description's: these are angles, and where a learned joint has its zero is free
                 where the shape of the links makes up for it. Shape (2, n).
+            shape: What the robot has learned of the surfaces of its links: the arm keeps off what
+                was seen of them, too. Of what was never seen, and without a shape, the
+                description's collision shapes count alone.
 
         Raises:
-            ModelError: If the model has other joints, the link is no finger of that arm, or the
-                joints have no limits.
-            ValueError: If a shape is another.
+            ModelError: If the model has other joints, the link is no finger of that arm, the shape
+                is of other links, or the joints have no limits.
+            ValueError: If an array has another shape.
         """
-        self._posed = PosedArm(arm, model, finger, held)
         self._X_WB = frozen_array(np.eye(4) if X_WB is None else X_WB, (4, 4), "X_WB")
+        self._posed = PosedArm(arm, model, finger, held, shape, self._X_WB)
         reach = np.stack([arm.lower, arm.upper])
         if limits is not None:
             stops = frozen_array(limits, reach.shape, "limits")
@@ -287,7 +294,7 @@ class TouchPlanner:
             )
         if asked >= 2:
             problem.AddMinimumDistanceLowerBoundConstraint(CLEAR, CLEAR)
-        return np.clip(minimum_near(program, now, x[columns]), *self._reach)
+        return np.clip(minimum_near(program, now, x[columns], _STEPS), *self._reach)
 
     def _good(self, q: NDArray, place: _Place, away: float, asked: int) -> bool:
         """Return whether a posture has all that was asked for; the arm stands so afterwards."""
