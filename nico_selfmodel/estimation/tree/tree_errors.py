@@ -23,7 +23,7 @@ from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.encoder_units import COUNTS
+from nico_selfmodel.model.encoder_units import COUNTS, unit_size
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import FREE, Attached, BodyTree
 from nico_selfmodel.model.tree.free_joints import body_alone, with_free_joints
@@ -31,6 +31,8 @@ from nico_selfmodel.names import listed
 
 _NO_PART = 1e-6
 """Share of what a fold alone tells that is rounding."""
+_PLAIN_UNITS = tuple(unit_size(unit) for unit in ("rad", "deg", "m", "mm"))
+"""Sizes of units that are no counts: such a body takes counts as the recording states them."""
 _SAME_COUNT = 1e-9
 """Share by which the size of a count may differ, by rounding."""
 
@@ -127,8 +129,9 @@ def told_by(model: BodyModel, data: BodyDataset) -> BodyDataset:
     """
     told = told_as(model.tree, data)
     for joint, known in zip(told.joints, model.si_per_unit.tolist(), strict=True):
-        own = joint.si_per_unit
-        if joint.encoder_unit == COUNTS and joint.is_read and abs(own / known - 1.0) > _SAME_COUNT:
+        own, counted = joint.si_per_unit, abs(known) not in _PLAIN_UNITS
+        other = counted and abs(own / known - 1.0) > _SAME_COUNT
+        if joint.encoder_unit == COUNTS and joint.is_read and other:
             raise DataError(
                 f"a count of joint {joint.name!r} is {own:.6g} of what it turns or slides by in "
                 f"data set {data.name!r} (rad, m), {known:.6g} where the body was learned: correct "
