@@ -22,11 +22,18 @@ def without_copies(data: BodyDataset) -> BodyDataset:
     """
     table = data.observations
     told = np.flatnonzero((table.pose != ANY_POSE) & np.isfinite(table.values).any(axis=1))
-    mirror = np.unique(table.mirror[told], return_inverse=True)[1].reshape(len(told))
     who = [data.pose[table.pose], table.sensor, table.marker, table.other]
-    rows = np.column_stack([*(one[told] for one in who), mirror, np.nan_to_num(table.values[told])])
-    # Sums by weights without a common measure are equal only where all numbers are.
-    keys = rows @ np.sqrt(2.0 + np.arange(rows.shape[1]))
+    columns = [*(one[told] for one in who), *np.nan_to_num(table.values[told]).T]
+    # Sums by weights without a common measure are equal only where all numbers are; column by
+    # column, as what a product of matrices rounds to depends on where a row stands.
+    keys = np.zeros(len(told))
+    for place, column in enumerate(columns):
+        keys += np.sqrt(2.0 + place) * column
+    if not (np.diff(np.sort(keys)) == 0.0).any():
+        return data
+    mirror = np.unique(table.mirror[told], return_inverse=True)[1].reshape(len(told))
+    keys += np.sqrt(2.0 + len(columns)) * mirror
+    rows = np.column_stack([*columns, mirror])
     order = np.lexsort((data.sample[table.pose[told]], keys))
     again = np.zeros(len(table), dtype=bool)
     again[told[order[1:]]] = (np.diff(rows[order], axis=0) == 0.0).all(axis=1)
