@@ -12,6 +12,7 @@ from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.camera_formats.formats import FORMATS, camera_texts, read_cameras
+from nico_selfmodel.model.camera_formats.ros_format import rectified_pair
 from nico_selfmodel.model.cameras.camera import Camera
 
 INSIDE = {"fx": 610.25, "fy": 612.5, "cx": 322.1, "cy": 236.7, "image_size": (640, 480)}
@@ -242,16 +243,28 @@ def test_both_of_ros_rectified_cameras_see_a_point_in_the_same_row(lens):
     assert (seen[0][:, 0] > seen[1][:, 0]).all()
 
 
-def apart(cameras):
-    """Return two cameras one above the other, that look almost against each other."""
-    X = transform(rotation_from_vector([0.0, 2.5, 0.0]), [0.0, 0.1, 0.0])
-    return cameras | {"right": cameras["right"].at(X)}
-
-
-def test_two_cameras_in_one_place_are_no_pair(tmp_path):
-    paths = written(tmp_path, apart(pair("plain")), "ros")
+@pytest.mark.parametrize(
+    ("turn", "place"), [(2.5, (0.0, 0.1, 0.0)), (0.1, (0.0, 0.0, 0.0)), (0.0, (0.0, 0.0, 0.1))]
+)
+def test_two_cameras_that_cannot_be_rectified_are_no_pair_of_ros(tmp_path, turn, place):
+    """One looks almost against the other, both stand in one place, one before the other."""
+    X = transform(rotation_from_vector([0.0, turn, 0.0]), place)
+    cameras = pair("plain") | {"right": pair("plain")["right"].at(X)}
     with pytest.raises(DataError, match="put both cameras in one place"):
-        read_cameras(paths)
+        read_cameras(written(tmp_path, cameras, "ros"))
+
+
+@pytest.mark.parametrize(("degrees", "told"), [(58.0, True), (62.0, False)])
+def test_a_pair_is_rectified_up_to_60_degrees_aside(degrees, told):
+    """Cameras above each other that look as far to either side."""
+    cameras = {}
+    for side, sign in (("left", -1.0), ("right", 1.0)):
+        R = rotation_from_vector([0.0, sign * np.radians(degrees), 0.0])
+        cameras[side] = pair("plain")[side].at(transform(R, [0.0, 0.1 * sign, 0.0]))
+    assert (rectified_pair(cameras) is not None) == told
+
+
+def test_what_no_file_can_hold_is_refused():
     with pytest.raises(ValueError, match="no format 'tum'; there are opencv"):
         camera_texts(pair("plain"), "tum")
     with pytest.raises(ModelError, match="has no camera"):

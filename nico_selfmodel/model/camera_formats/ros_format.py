@@ -25,9 +25,9 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import FISHEYE, POLYNOMIAL, RATIONAL
 
 _MODELS = {POLYNOMIAL: "plumb_bob", RATIONAL: "rational_polynomial", FISHEYE: "equidistant"}
-_APART = 1.0
-"""Length of the sum of where two cameras look, across the baseline, below which no picture of
-straight lines holds what both see: each looks 60 deg aside."""
+_APART = 0.5
+"""Cosine of how far a camera looks aside below which no picture of straight lines holds what both
+cameras see: 60 deg."""
 
 
 def ros_texts(cameras: Mapping[str, Camera]) -> dict[str, str]:
@@ -55,14 +55,16 @@ def rectified_pair(cameras: Mapping[str, Camera]) -> list[tuple[NDArray, NDArray
     R_LR, baseline = X_LR[:3, :3], X_LR[:3, 3]
     looks = np.array([0.0, 0.0, 1.0]) + R_LR[:, 2]
     along = int(abs(baseline[1]) > abs(baseline[0]))
-    if np.linalg.norm(np.cross(looks, baseline)) < _APART * np.linalg.norm(baseline):
-        return None
+    if np.linalg.norm(np.cross(looks, baseline)) <= _APART * np.linalg.norm(baseline):
+        return None  # one place, or one before the other
     first = baseline * np.copysign(1.0 / np.linalg.norm(baseline), baseline[along])
     second = np.cross(looks, first) if along == 0 else np.cross(first, looks)
     second /= np.linalg.norm(second)
     x, y = (first, second) if along == 0 else (second, first)
     R_l = np.stack([x, y, np.cross(x, y)])
     R_r = R_l @ R_LR
+    if min(R_l[2, 2], R_r[2, 2]) < _APART:
+        return None
     f = min(left.fx, left.fy, right.fx, right.fy)
     middle = [R[:2, 2] / R[2, 2] for R in (R_l, R_r)]
     c = np.array(left.image_size) / 2.0 - f * np.mean(middle, axis=0)

@@ -21,6 +21,8 @@ from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY, Fiduci
 from nico_selfmodel.vision.markers.tags_seen import TagsSeen, seen_tags
 
 METHOD = "ArucoDetector"
+_SURE = 4
+"""Tags of one width of border below which others are looked for, too."""
 _NEAR = 6
 """Neighbours that tell where a tag must be; the median of them, so that some may be wrong."""
 BORDERS = (2, 1)
@@ -94,7 +96,7 @@ class AprilGrid(TaggedBoard):
 
     def _tags(self, gray: NDArray) -> TagsSeen:
         found = [seen_tags(gray, self.family, BORDERS[0], apart=False)]
-        if not found[0].ids:
+        if len(found[0].ids) < _SURE:  # by chance one is read where there is none
             found += [seen_tags(gray, self.family, width, apart=False) for width in BORDERS[1:]]
         return max(found, key=lambda tags: len(tags.ids))
 
