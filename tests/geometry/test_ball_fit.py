@@ -56,6 +56,7 @@ def test_what_is_seen_from_one_side_reaches_two_radii_behind_it_and_a_notch_stay
         (np.zeros((0, 3)), np.zeros((0, 3)), CLOSE, 0.03, "n >= 1"),
         (np.zeros((2, 3)), np.zeros((1, 3)), CLOSE, 0.03, "n_FQ must have shape"),
         (np.zeros((1, 3)), np.full((1, 3), np.nan), CLOSE, 0.03, "n_FQ must be finite"),
+        (np.zeros((1, 3)), np.zeros((1, 3)), CLOSE, 0.03, "unit length"),
         (np.zeros((1, 3)), np.ones((1, 3)), 0.0, 0.03, "0 < close < largest"),
         (np.zeros((1, 3)), np.ones((1, 3)), 0.03, 0.03, "0 < close < largest"),
     ],

@@ -17,6 +17,8 @@ from nico_selfmodel.geometry.checked_points import checked_points
 from nico_selfmodel.geometry.solids.solid import Solid
 from nico_selfmodel.geometry.transform import transform
 
+_UNIT = 1e-6
+"""By how much a normal's length may miss 1: of another one a point lies on no ball."""
 _AT_ONCE = 1_000_000
 """Pairs of points that are looked at at once."""
 
@@ -31,13 +33,15 @@ def fit_balls(p_FQ: ArrayLike, n_FQ: ArrayLike, close: float, largest: float) ->
         largest: Radius of a ball: twice that, behind what was seen, counts as inside [m].
 
     Raises:
-        ValueError: If there is no point, shapes differ, a number is not finite, or not
-            0 < close < largest.
+        ValueError: If there is no point, shapes differ, a number is not finite, a normal is not of
+            unit length, or not 0 < close < largest.
     """
     points = checked_points(p_FQ, 1)
     normals = frozen_array(n_FQ, points.shape, "n_FQ")
     if not 0.0 < close < largest:
         raise ValueError(f"0 < close < largest must hold, got {close:g} and {largest:g} m")
+    if (np.abs(np.linalg.norm(normals, axis=1) - 1.0) > _UNIT).any():
+        raise ValueError("normals must be of unit length")
     radii = np.minimum(_largest(points, normals, close), largest)
     centers = points - radii[:, None] * normals
     on = np.empty((len(points), len(points)), dtype=bool)

@@ -26,10 +26,11 @@ def seen_balls(shape: LinkShape) -> tuple[Solid, ...]:
     Returns:
         Balls in the link's frame, `NEARER` below the surface.
     """
-    if not shape.seen.any():
-        return ()
     mesh = shape.mesh
-    balls = fit_balls(mesh.vertices[shape.seen], mesh.normals[shape.seen], _CLOSE, _LARGEST)
+    told = shape.seen & mesh.normals.any(axis=1)  # a vertex of no triangle has no normal
+    if not told.any():
+        return ()
+    balls = fit_balls(mesh.vertices[told], mesh.normals[told], _CLOSE, _LARGEST)
     return tuple(
         Solid(one.kind, (one.size[0] - NEARER,) * 3, one.X_FS)
         for one in balls
