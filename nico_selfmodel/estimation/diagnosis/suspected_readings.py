@@ -84,7 +84,8 @@ def suspicions_of(
         yield from _other_units(observations, gear_pinned, held)
         yield from _lagging(observations, gear_pinned, (-1, 1))
     if worth is not Worth.GAPS:
-        yield from _exchanged(observations, gear_pinned, all_pairs=worth is Worth.EVERYTHING)
+        few = few_rows(observations, 0)
+        yield from _exchanged(few, gear_pinned, all_pairs=worth is Worth.EVERYTHING)
     if worth is not Worth.EVERYTHING:
         return
     if held.any():
