@@ -1,14 +1,16 @@
 """A data set as a folder: `dataset.yaml` beside `samples.csv`."""
 
-import hashlib
 import warnings
 from os import PathLike
 from pathlib import Path
 
+import numpy as np
+
+from nico_selfmodel.dataset.array_hash import array_hash
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.metadata_file import metadata_text, read_metadata
 from nico_selfmodel.dataset.plausibility import check_as_read
-from nico_selfmodel.dataset.samples_file import read_samples, samples_pieces, samples_text
+from nico_selfmodel.dataset.samples_file import read_samples, samples_text
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.folder_contents import found_at
 from nico_selfmodel.files.reading import real_path
@@ -16,6 +18,10 @@ from nico_selfmodel.files.whole import folder_in_place_of
 
 METADATA_NAME = "dataset.yaml"
 SAMPLES_NAME = "samples.csv"
+_ARRAYS = (
+    *("sample", "sweep", "marker", "mirror", "encoders", "approach"),
+    *("p_WH_measured", "pixels"),
+)
 
 
 def load_dataset(folder: str | PathLike[str]) -> Dataset:
@@ -84,15 +90,14 @@ def save_dataset(dataset: Dataset, folder: str | PathLike[str], force: bool = Fa
 
 
 def content_hash(dataset: Dataset) -> str:
-    """Return the SHA-256 of the two files that `save_dataset` would write.
+    """Return the hash by which a data set is known again, however its files are written.
 
     Returns:
         64 hexadecimal digits.
     """
-    found = hashlib.sha256(metadata_text(dataset).encode() + b"\0")
-    for piece in samples_pieces(dataset):
-        found.update(piece.encode())
-    return found.hexdigest()
+    columns = {name: getattr(dataset, name) for name in _ARRAYS}
+    extra = {f"extra {name}": np.array(cells, str) for name, cells in dataset.extra.items()}
+    return array_hash(metadata_text(dataset), columns | extra)
 
 
 def _check_target(folder: Path, force: bool) -> None:

@@ -75,10 +75,10 @@ def samples_text(dataset: Dataset) -> str:
     Returns:
         Contents of `samples.csv`.
     """
-    return "".join(samples_pieces(dataset))
+    return "".join(_pieces(dataset))
 
 
-def samples_pieces(dataset: Dataset) -> Iterator[str]:
+def _pieces(dataset: Dataset) -> Iterator[str]:
     """Yield what `samples_text` returns piece by piece, so that no more is held at once."""
     has_mirror, has_approach = (dataset.mirror != "").any(), dataset.approach.any()
     measured = [

@@ -1,6 +1,5 @@
 """A recording of a body as a folder: `dataset.yaml`, `poses.csv`, `observations.csv`."""
 
-import hashlib
 import warnings
 from collections.abc import Sequence
 from itertools import chain
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.dataset.array_hash import array_hash
 from nico_selfmodel.dataset.body.body_dataset import (
     ANY_POSE,
     WIDTH,
@@ -43,6 +43,7 @@ from nico_selfmodel.names import listed, shown
 
 FORMAT = "nico-dataset/2"
 FILES = ("dataset.yaml", "poses.csv", "observations.csv")
+_OF_ROWS = ("pose", "sensor", "marker", "other", "values", "mirror")
 _KEYS = ("format", "name", "joints", "markers", "sensors", "source", "seed")
 _POSE = ("x_m", "y_m", "z_m", "rx", "ry", "rz")
 _QUATERNION = ("qx", "qy", "qz", "qw")
@@ -128,9 +129,17 @@ def save_body_dataset(
 
 
 def body_content_hash(data: BodyDataset) -> str:
-    """Return the SHA-256 of the three files that `save_body_dataset` would write."""
-    texts = (_head_text(data), _poses_text(data), _observations_text(data))
-    return hashlib.sha256("\0".join(texts).encode()).hexdigest()
+    """Return the hash by which a recording is known again, however its files are written."""
+    told = np.array([joint.motion == FLANGE for joint in data.joints])
+    read = np.array([joint.is_read for joint in data.joints]) & ~told
+    poses = {
+        "sample": data.sample,
+        "readings": np.where(read, data.readings, np.nan),
+        "flanges": np.where(told[:, None], np.asarray(data.flanges), np.nan),
+        "approach": np.where(read, np.asarray(data.approach), 0),
+    }
+    rows = {name: getattr(data.observations, name) for name in _OF_ROWS}
+    return array_hash(_head_text(data), poses | rows)
 
 
 def _read_head(path: Path) -> dict[str, Any]:

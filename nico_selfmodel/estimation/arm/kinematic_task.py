@@ -23,7 +23,6 @@ from nico_selfmodel.estimation.initialization.nominal_arm import (
     nominal_start,
 )
 from nico_selfmodel.estimation.initialization.start_search import (
-    ENOUGH_AGREE,
     RANDOM,
     few_rows,
 )
@@ -151,7 +150,7 @@ class KinematicTask:
             np.random.default_rng((self.seed, 1)),
             directions=directions,
             gear=gear,
-            at_once=ENOUGH_AGREE - trusted,
+            at_once=4 if trusted else 8,  # what circle points confirm, few starts do, too
         )
         for arm in islice(drawn, count if trusted else max(count, 1)):
             yield RANDOM, arm

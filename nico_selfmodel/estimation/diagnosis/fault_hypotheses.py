@@ -5,7 +5,6 @@ the data is named. Nothing of it goes into the result: the data are the user's t
 """
 
 from dataclasses import dataclass
-from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,7 +101,7 @@ def causes_of_misfit(
         mended, pinned, reached = suspicion.few, suspicion.gear_pinned, 0
         if left <= 0:
             return Causes(stopped_after=_MOST_STARTS)
-        for start in islice(drawn, min(suspicion.starts, left)):
+        for start in drawn[:left]:
             left -= 1
             if _left_by(start, mended) > worst:
                 continue

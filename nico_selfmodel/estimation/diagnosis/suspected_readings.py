@@ -10,10 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.diagnosis.mistaken_units import OTHER_UNIT, mistaken_units
-from nico_selfmodel.estimation.initialization.axis_search import (
-    first_starts_of_each,
-    random_starts,
-)
+from nico_selfmodel.estimation.initialization.axis_search import first_starts_of_each
 from nico_selfmodel.estimation.initialization.start_search import few_rows
 from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.observations import Observations
@@ -21,8 +18,9 @@ from nico_selfmodel.estimation.observations.observations import Observations
 _STARTS = 10
 _STARTS_AT_A_GAP = 30
 """A gap in the middle of a turn is rarely there by chance."""
-_AT_ONCE, _START_ROWS = 5, 60
-"""Starts that are worked out together, and on how many rows: what they leave is asked of more."""
+_AT_ONCE, _START_ROWS = 30, 60
+"""Starts that are worked out together, in a third of the time of five at once, and on how many
+rows: what they leave is asked of more."""
 _FEWEST_TURNED_ABOUT = 3
 """Joints of which more are not turned about by exchanging two."""
 _LEAST_GAP = 0.1
@@ -86,7 +84,8 @@ def suspicions_of(
         yield from _other_units(observations, gear_pinned, held)
         yield from _lagging(observations, gear_pinned, (-1, 1))
     if worth is not Worth.GAPS:
-        yield from _exchanged(observations, gear_pinned, all_pairs=worth is Worth.EVERYTHING)
+        few = few_rows(observations, 0)
+        yield from _exchanged(few, gear_pinned, all_pairs=worth is Worth.EVERYTHING)
     if worth is not Worth.EVERYTHING:
         return
     if held.any():
@@ -163,8 +162,8 @@ def _other_units(
 
 def with_starts(
     suspicions: Iterable[Suspicion], gear_known: NDArray, zero: NDArray, worst: float
-) -> Iterator[tuple[Suspicion, Iterator[ArmEstimate]]]:
-    """Yield suspicions, each with its starts; those that are few are worked out at once.
+) -> Iterator[tuple[Suspicion, list[ArmEstimate]]]:
+    """Yield suspicions, each with its starts; those of the same points are worked out at once.
 
     Args:
         suspicions: What may be wrong.
@@ -173,32 +172,20 @@ def with_starts(
         worst: Standard deviation of a coordinate above which a start is of no use [m].
     """
 
-    def alike(one: Suspicion) -> tuple[bool, bytes]:
-        return one.starts <= _AT_ONCE, (one.gear_pinned & gear_known).tobytes()
+    def alike(one: Suspicion) -> tuple[int, bytes, bytes]:
+        return one.starts, (one.gear_pinned & gear_known).tobytes(), one.fewer.p_WH.tobytes()
 
-    for (few, _), group in groupby(suspicions, alike):
-        if not few:
-            for one in group:
-                drawn = random_starts(
-                    one.fewer,
-                    one.gear_pinned & gear_known,
-                    one.zero(zero),
-                    np.random.default_rng(0),
-                    at_once=_AT_ONCE,
-                    worst=worst,
-                )
-                yield one, drawn
-            continue
-        while together := list(islice(group, _AT_ONCE)):
+    for (starts, _, _), group in groupby(suspicions, alike):
+        while together := list(islice(group, max(_AT_ONCE // starts, 1))):
             found = first_starts_of_each(
                 [one.fewer for one in together],
                 together[0].gear_pinned & gear_known,
                 [one.zero(zero) for one in together],
                 seed=0,
-                each=together[0].starts,
+                each=starts,
                 worst=worst,
             )
-            yield from zip(together, map(iter, found), strict=True)
+            yield from zip(together, found, strict=True)
 
 
 def unwrapped_readings(observations: Observations) -> tuple[NDArray, list[int]]:

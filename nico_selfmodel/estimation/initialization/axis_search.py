@@ -41,7 +41,7 @@ def random_starts(
     *,
     directions: NDArray | None = None,
     gear: NDArray | None = None,
-    at_once: int = 4,
+    at_once: int = 8,
     worst: float = np.inf,
     shifting: NDArray | None = None,
 ) -> Iterator[ArmEstimate]:
@@ -55,7 +55,7 @@ def random_starts(
         directions: Directions to stay near, nan where unknown: every second start stays within
             about 25 deg of them, the others ignore them. Shape (n, 3).
         gear: Gears that go with them, nan where unknown. Shape (n,).
-        at_once: How many are worked out together, which takes half of the time of one by one.
+        at_once: How many are worked out together: eight take twice the time of one.
         worst: Standard deviation of an inlier coordinate above which an arm is of no use [m].
         shifting: Joints that shift along their line; none if omitted. Shape (n,).
 

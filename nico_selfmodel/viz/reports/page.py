@@ -12,6 +12,7 @@ from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.rgba import Rgba
 from nico_selfmodel.viz.live.static_page import static_html
 from nico_selfmodel.viz.reports import parts
+from nico_selfmodel.viz.reports.compiled_templates import CompiledTemplates
 from nico_selfmodel.viz.reports.residual_rows import RESIDUALS_FILE
 from nico_selfmodel.viz.scene.scene import SCENE_FILE, Scene
 from nico_selfmodel.viz.scene.surroundings import NIGHT_SCRIPT
@@ -117,6 +118,7 @@ def page_environment() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        bytecode_cache=CompiledTemplates(),
     )
     environment.filters |= {
         "css": _css_color,
