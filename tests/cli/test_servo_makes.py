@@ -43,6 +43,7 @@ def config(make, tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_six_servos_are_scanned_at_the_rate_that_they_have(command, bus, make):
     words = ("servo", "scan", "--make", make, "--port", bus.name, "--up-to", 7)
     with bus.lock:

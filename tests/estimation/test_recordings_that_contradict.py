@@ -59,6 +59,7 @@ def test_a_lens_that_is_not_the_camera_s_fails_and_is_named():
     assert f"--free {name}.f" in wrong.reasons[0]
 
 
+@pytest.mark.slow
 def test_a_target_of_another_size_fails_by_its_factor():
     _, _, F, M = hand_eye_poses(np.random.default_rng(4), 40)
     right = flange_dataset(F, M)

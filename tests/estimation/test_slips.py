@@ -72,6 +72,7 @@ def test_where_fewer_joints_slip_at_one_noise_they_may_be_the_likeliest():
     assert found.slipped.any(axis=0).sum() == 1
 
 
+@pytest.mark.slow
 def test_many_small_slips_are_found_together():
     named, hit, alarms = 0, [], []
     for seed in range(10):
@@ -132,6 +133,7 @@ BEHIND = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sensor", "markers", "seed", "degrees"), slow_rest(BEHIND))
 def test_a_joint_that_jumps_far_is_not_taken_for_markers_that_are_wrong(
     sensor, markers, seed, degrees

@@ -84,6 +84,7 @@ def alone(found):
     return [bool((view.places > least).any()) for view in found]
 
 
+@pytest.mark.slow
 def test_a_mark_that_no_picture_shows_for_sure_is_found_by_all_of_them():
     found = views([15.0] * 4, np.random.default_rng(1), surprise=0.5)
     assert not any(alone(found))
@@ -117,6 +118,7 @@ def test_a_place_that_all_pictures_tell_together_surprises_in_each_of_them():
     assert lost == 0
 
 
+@pytest.mark.slow
 def test_what_one_picture_shows_however_bright_is_not_on_the_surface():
     for k in range(4):
         strengths = [0.0] * 4
