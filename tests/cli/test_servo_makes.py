@@ -146,6 +146,7 @@ def test_a_package_that_is_missing_is_one_clear_line(config, make, tmp_path):
         assert_one_clear_line(done, "servos need the package", f"nico-selfmodel[{make}]")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", slow_rest(SDKS), indirect=True)
 def test_a_simulated_bus_takes_ids_and_rate_of_its_configuration_and_a_server_lends_it_out(config):
     config.write_text(

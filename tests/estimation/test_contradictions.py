@@ -172,6 +172,7 @@ def test_a_fifth_of_the_poses_off_at_the_beginning_is_no_change_of_the_body(mode
     assert left is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", slow_rest(["camera", "points"]))
 def test_a_body_does_not_fit_whose_new_zero_leaves_a_fifth_of_the_poses_off(sensor):
     body, data, wrong = tree_of(sensor, share=0.2)
@@ -184,6 +185,7 @@ def test_a_body_does_not_fit_whose_new_zero_leaves_a_fifth_of_the_poses_off(sens
     assert rezero_body(body, data, ["j3"]).fits
 
 
+@pytest.mark.slow
 def test_an_arm_does_not_fit_whose_new_zero_leaves_a_tenth_of_the_poses_off(model):
     data, wrong = spoilt(9)
     update = rezero(model, data, joints=("right_elbow",)).update

@@ -98,6 +98,7 @@ def test_a_tag_that_is_printed_too_small_is_named_beside_a_description(seed, fac
         assert float(word.split(" measured is ")[1].split()[0]) == pytest.approx(factor, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_wrong_size_is_as_sure_however_far_off_a_description_is_said_to_be():
     data, described = tag_before_a_camera(1, 1.03)
     few, many = (

@@ -97,6 +97,7 @@ def test_a_joint_that_few_visits_show_is_found_to_slip_as_well():
     assert named >= 5
 
 
+@pytest.mark.slow
 def test_slips_that_were_taken_for_noise_are_still_found():
     parts = [seen(seed, share=0.15, size=7.0, noise=1.5)[1] for seed in range(10)]
     assert sum(part is not None for part in parts) >= 8

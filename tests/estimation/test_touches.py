@@ -130,6 +130,7 @@ def at_a_plane():
     return tree, data, ball, calibrate_tree(data, effects=())
 
 
+@pytest.mark.slow
 def test_a_plane_that_nobody_knows_is_found_with_the_ball_that_touched_it(at_a_plane):
     tree, _, ball, found = at_a_plane
     (plane,) = found.tree.planes
@@ -257,6 +258,7 @@ def test_touches_alone_correct_a_robot_that_is_described():
     assert tree_result(found).test.position is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("touches", [30, 60])
 def test_touches_alone_do_not_explain_a_description_away(touches):
     tree, data, _ = arm_at_a_plane(8, touches=touches)

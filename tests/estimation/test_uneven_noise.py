@@ -190,6 +190,7 @@ def test_a_reading_that_is_farther_off_than_tails_reach_is_no_noise():
     assert found.noise["j1"] == found.solution.noise.joint[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("markers", "seed"), slow_rest([(1, 2), (1, 3), (3, 2), (3, 3)]))
 def test_heavy_tails_of_a_tracker_are_no_noise_of_joints(markers, seed):
     rng = np.random.default_rng((seed, 9))

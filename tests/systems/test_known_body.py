@@ -39,6 +39,7 @@ def image():
         yield one
 
 
+@pytest.mark.slow
 def test_who_stands_elsewhere_has_its_links_and_joints_there(image):
     before = image.poses(readings())
     (joint,) = image.standing(("neck_yaw",))

@@ -117,6 +117,7 @@ def test_what_is_seen_beside_glare_is_where_it_is(seed):
     assert np.nanmax(np.linalg.norm(seen.corners - truth.points, axis=1)) < 3.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("columns", "rows", "share", "seeds"),
     slow_rest(
@@ -154,6 +155,7 @@ def without_a_board():
         yield dots
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("image", slow_rest(without_a_board(), plain=4))
 def test_no_size_is_guessed_where_there_is_no_board(image):
     assert size_of_board(image) is None
