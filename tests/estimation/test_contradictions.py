@@ -52,6 +52,7 @@ def test_more_contradicting_poses_than_expected_are_rarer_than_one_in_a_thousand
     assert beyond(most) < 1e-3 <= beyond(most - 1)
 
 
+@pytest.mark.slow
 def test_a_tenth_of_the_poses_off_here_and_there_fails_the_monitor_by_number(model):
     data, wrong = spoilt(9)
     report = check_health(model, data)
@@ -141,6 +142,7 @@ def exchanged(count=30):
     return known, data, replace(data, marker=told)
 
 
+@pytest.mark.slow
 def test_a_cause_that_leaves_the_misfit_is_not_told_as_the_cure():
     known, data, wrong = exchanged()
     assert check_health(known, data, "points").healthy

@@ -222,6 +222,7 @@ def test_a_distance_that_is_known_tells_how_large_the_body_is():
     assert ends[1] / ends[0] == pytest.approx(1.0, abs=0.02)
 
 
+@pytest.mark.slow
 def test_touches_noted_at_poses_that_touched_nothing_fail_and_are_named(at_a_plane):
     _, data, _, sound = at_a_plane
     assert not any("is missed by" in said for said in tree_result(sound).texts(LAST))
