@@ -91,3 +91,24 @@ def frozen_covariance(value: ArrayLike, count: int) -> NDArray:
             "covariance is not positive semi-definite: no errors are correlated like that"
         )
     return matrix
+
+
+def numbered_rows(rows: NDArray) -> tuple[NDArray, NDArray]:
+    """Number equal rows, as `np.unique` does along the first axis, in a fraction of its time.
+
+    Sums by weights without a common measure are equal only where all numbers are, but for rounding,
+    which is checked.
+
+    Args:
+        rows: Without nan. Shape (N, k).
+
+    Returns:
+        Where each distinct row stands first, shape (K,), and which of them each row is, shape (N,).
+    """
+    keys = np.zeros(len(rows))
+    for place, column in enumerate(rows.T):
+        keys += np.sqrt(2.0 + place) * column
+    _, lead, same = np.unique(keys, return_index=True, return_inverse=True)
+    if not (rows[lead][same.reshape(len(rows))] == rows).all():
+        _, lead, same = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    return lead, same.reshape(len(rows))

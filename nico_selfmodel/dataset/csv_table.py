@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,7 +27,7 @@ class CsvTable:
 
     path: Path
     """The file, for messages."""
-    columns: dict[str, tuple[str, ...]]
+    columns: Mapping[str, Sequence[str]]
     """Cells of each column, in the order of the file."""
     lines: Sequence[int]
     """Line of each row, counted from 1 as an editor shows it."""
@@ -80,7 +80,7 @@ class CsvTable:
             raise DataError(f"{path}: column {min(repeated)!r} appears more than once")
         if columns is None:
             columns = _columns_of(rows, lines, len(names), path)
-        below = (tuple(column[first:]) for column in columns)
+        below = (column[first:] for column in columns)
         return cls(path, dict(zip(names, below, strict=True)), lines[first:])
 
     def __len__(self) -> int:
@@ -100,7 +100,7 @@ class CsvTable:
         place = f"{self.path}, line {self.lines[row]}"
         return place if column is None else f"{place}, column {column!r}"
 
-    def cells(self, column: str) -> tuple[str, ...]:
+    def cells(self, column: str) -> Sequence[str]:
         """Return the cells of a column as they stand in the file.
 
         Returns:

@@ -5,7 +5,6 @@ wrong.
 """
 
 import csv
-import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,8 +13,8 @@ from numpy.typing import NDArray
 from nico_selfmodel.files.csv_rows import MOST_CELLS, MOST_COLUMNS
 from nico_selfmodel.files.yaml_mapping import LARGEST
 
-_INTEGERS = re.compile(r"[+-]?[0-9]{1,18}(?:\n[+-]?[0-9]{1,18})*")
-"""Of fewer digits than the largest that a column of 64 bits holds."""
+_MOST_DIGITS = 18
+"""Fewer than those of the largest that a column of 64 bits holds."""
 
 
 def plain_columns(text: str) -> Sequence[Sequence[str]] | None:
@@ -60,8 +59,14 @@ def plain_integers(cells: Sequence[str]) -> NDArray | None:
     Returns:
         Shape (N,).
     """
-    text = "\n".join(cells)
-    if not _INTEGERS.fullmatch(text):
+    text = "\n".join(["", *cells])
+    content = np.frombuffer(text.encode(), np.uint8)
+    ends = np.flatnonzero(content == ord("\n"))
+    signed = np.isin(np.take(content, ends + 1, mode="clip"), (ord("+"), ord("-")))
+    digits = np.diff(ends, append=len(content)) - 1 - signed
+    others = (content < ord("0")) | (content > ord("9"))
+    if others.sum() != len(ends) + signed.sum() or len(ends) != len(cells):
         return None
-    values = np.array(text.split("\n"), dtype=np.int64)
-    return values if len(values) == len(cells) else None
+    if not len(cells) or digits.min() < 1 or digits.max() > _MOST_DIGITS:
+        return None
+    return np.fromstring(text, dtype=np.int64, sep="\n")

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.arrays import numbered_rows
+
 _STANDING = 1e-4
 """Part of a joint's span within which the readings of successive samples are those of a standing
 robot."""
@@ -31,13 +33,11 @@ def pose_numbers(
     state = encoders if approach is None else np.hstack([encoders, approach])
     standing = _run_starts(state[first])
     visit = np.unique(standing, return_inverse=True)[1].reshape(len(samples))
-    _, lead, same = np.unique(
-        encoders[first][standing], axis=0, return_index=True, return_inverse=True
-    )
+    lead, same = numbered_rows(encoders[first][standing])
     # In the order of time: the first sample of each pose numbers it.
     rank = np.empty(len(lead), dtype=np.int64)
     rank[np.argsort(lead, kind="stable")] = np.arange(len(lead))
-    return rank[same.reshape(len(samples))][of_row], visit[of_row]
+    return rank[same][of_row], visit[of_row]
 
 
 def mean_of_visits(readings: NDArray, visit: NDArray) -> NDArray:

@@ -134,6 +134,7 @@ def test_detect_tells_which_corners_it_saw(photographs, tmp_path, command):
     assert rows[0]["detector"] == "charuco:7x5"
 
 
+@pytest.mark.slow
 def test_wrong_words_are_one_line(photographs, tmp_path, command):
     out = tmp_path / "out"
     left, other = f"{photographs}/cam0/00[0-1].png", f"{photographs}/cam1/00[1-2].png"

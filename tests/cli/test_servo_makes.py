@@ -43,6 +43,7 @@ def config(make, tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_six_servos_are_scanned_at_the_rate_that_they_have(command, bus, make):
     words = ("servo", "scan", "--make", make, "--port", bus.name, "--up-to", 7)
     with bus.lock:
@@ -145,6 +146,7 @@ def test_a_package_that_is_missing_is_one_clear_line(config, make, tmp_path):
         assert_one_clear_line(done, "servos need the package", f"nico-selfmodel[{make}]")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", slow_rest(SDKS), indirect=True)
 def test_a_simulated_bus_takes_ids_and_rate_of_its_configuration_and_a_server_lends_it_out(config):
     config.write_text(

@@ -76,6 +76,7 @@ def before_mirrors(tmp_path_factory, command):
     return folder
 
 
+@pytest.mark.slow
 def test_a_mirror_before_a_moving_head_is_learned_and_kept(before_mirrors, command, tmp_path):
     data = load_body_dataset(before_mirrors / "seen")
     assert (len(data.sample), data.mirrors) == (4, ("glass",))
@@ -160,6 +161,7 @@ def after_restart(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_zeros_of_a_whole_body_are_found_again(after_restart, command, tmp_path):
     model, out = after_restart / "body.yaml", tmp_path / "out"
     words = ("rezero", model, after_restart / "seen", "--joint", "left_elbow", "--out", out)

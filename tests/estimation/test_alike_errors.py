@@ -145,6 +145,7 @@ def errors_in_sigmas(true, data):
     return found, (found.values - values)[problem.columns] / np.sqrt(np.diag(C))
 
 
+@pytest.mark.slow
 def test_turns_of_a_sensor_that_are_off_alike_are_no_slips_of_joints_and_counted():
     # Taken for each pose's own, squares are 11 in the mean and joints slip.
     squares = []
@@ -166,6 +167,7 @@ def test_sound_turns_of_a_sensor_share_nothing():
         assert not found.noise.alike
 
 
+@pytest.mark.slow
 def test_turns_of_a_sensor_that_are_off_alike_are_told():
     found = calibrate_tree(arm_with_turns_off_alike(2, turn=3e-3)[1], effects=())
     said = result_of(found).details["alike_errors"]["tracker"]
@@ -175,6 +177,7 @@ def test_turns_of_a_sensor_that_are_off_alike_are_told():
     assert words.startswith("how 'tracker' takes markers to be turned is off")
 
 
+@pytest.mark.slow
 def test_effects_are_weighed_beside_what_turns_of_a_sensor_share():
     found = calibrate_tree(arm_with_turns_off_alike(2, turn=3e-3)[1], effects=())
     bend = found.ladder.solution

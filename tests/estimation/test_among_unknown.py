@@ -33,6 +33,7 @@ def sights(seed, poses=60, points=60, turn=0.9, wrong=0.0):
     return X, (rays, mixed, R[pose], p[pose])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", slow_rest([0, 1, 2]))
 def test_a_camera_among_unknown_points_is_found_from_how_its_link_moves(seed):
     X, seen = sights(seed, wrong=0.02 * seed)

@@ -283,6 +283,7 @@ def test_an_arm_that_sags_is_watched_rezeroed_and_sent_to_new_poses():
     assert not check_health(model, moved).healthy
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("poses", "words"),
     slow_rest(

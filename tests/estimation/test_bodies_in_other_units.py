@@ -62,13 +62,14 @@ def of_the_sample_before(data):
     return replace(data, readings=np.roll(data.readings, 1, axis=0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("spoil", "sensor", "named"),
     [
         (exchanged, "points", "the readings of j1 and j2 are exchanged; then 0"),
-        pytest.param(exchanged, "cameras", "of j2 and j3 are exchanged", marks=pytest.mark.slow),
-        pytest.param(turned_about, "points", "hand to the base, j1 first", marks=pytest.mark.slow),
-        pytest.param(of_the_sample_before, "points", "sample after", marks=pytest.mark.slow),
+        (exchanged, "cameras", "of j2 and j3 are exchanged"),
+        (turned_about, "points", "hand to the base, j1 first"),
+        (of_the_sample_before, "points", "sample after"),
     ],
 )
 def test_readings_that_are_other_joints_or_samples_are_named(spoil, sensor, named):
@@ -78,6 +79,7 @@ def test_readings_that_are_other_joints_or_samples_are_named(spoil, sensor, name
         calibrate_tree(spoil(data), effects=())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cost", "asked"), [(3.9, False), (4.1, True)])
 def test_limbs_are_asked_alone_only_where_the_first_body_is_poor(cost, asked):
     data = exchanged(one_arm(11, joints=3, markers=2, poses=40).data)
@@ -87,6 +89,7 @@ def test_limbs_are_asked_alone_only_where_the_first_body_is_poor(cost, asked):
         start_as_it_was_read(data, np.ones(3, dtype=bool), lambda *_: found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", [36, pytest.param(48, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("stands", [True, False])
 def test_an_encoder_that_stands_still_from_a_sample_on_is_named(first, stands):

@@ -17,6 +17,7 @@ from nico_selfmodel.estimation.tree.tree_findings import tree_findings
 from nico_selfmodel.estimation.tree.tree_result import body_model
 from nico_selfmodel.estimation.tree.tree_setup import Description, Wishes
 
+from ..slow_rest import slow_rest
 from .simulated_trees import one_arm
 
 
@@ -48,7 +49,7 @@ def refusal(data, **told):
     return str(raised.value)
 
 
-@pytest.mark.parametrize("kind", ["fix", "prior"])
+@pytest.mark.parametrize("kind", slow_rest(["fix", "prior"]))
 def test_a_told_value_that_contradicts_the_data_is_named_with_what_they_ask_for(arm, places, kind):
     place = places["hand_tag0.x"]
     pins = FixedParameters({"hand_tag0.x": place + 0.3, "hand_tag1.x": places["hand_tag1.x"]})
@@ -69,6 +70,7 @@ def test_a_told_value_that_agrees_is_kept(arm, place, off):
     assert found.values[found.parameters.index["hand_tag0.x"]] == place + off
 
 
+@pytest.mark.slow
 def test_of_several_told_values_only_the_wrong_one_is_named():
     data = one_arm(4, joints=4, markers=3, poses=40, sensor="camera").data
     right = calibrate_tree(data, effects=())
@@ -92,6 +94,7 @@ def test_a_joint_that_shifts_and_stood_still_is_named():
     assert refusal(replace(data, readings=readings)).startswith("j3 stood still in all 30 samples")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "joint", "words"),
     [(2, 3, "readings of joint 'j4' would be wrong in"), (1, 1, "joint noise would have to be ")],
@@ -119,6 +122,7 @@ def test_a_sensor_that_hangs_is_named(arm):
     assert "what 'tracker' measured of 'hand_tag1' is the same to the last digit" in said
 
 
+@pytest.mark.slow
 def test_a_recording_in_which_nothing_agrees_with_the_body_is_refused(arm):
     body = body_model(calibrate_tree(arm, effects=()))
     few = arm.select(np.arange(40) < 20)

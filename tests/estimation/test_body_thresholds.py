@@ -73,6 +73,7 @@ def with_noise(calibration, **noise):
     return said(calibration, noise=replace(calibration.solution.noise, **noise))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("times", "fails"), [(4.9, False), (5.1, True)])
 def test_a_sensor_that_measures_five_times_worse_than_stated_fails(slider, times, fails):
     words = with_noise(slider, sensor=np.array([times * SIGMA]))
@@ -154,6 +155,7 @@ def test_a_length_is_to_blame_where_it_explains_half_of_what_nothing_does(slider
     assert ("times as long as all else says" in " ".join(judge(bent).reasons)) is blamed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("degrees", "fails"), [(14.8, False), (15.2, True)])
 def test_turns_that_are_off_by_fifteen_degrees_are_no_noise(turning, degrees, fails):
     sensor = np.array([4e-4, np.radians(degrees)])

@@ -86,6 +86,7 @@ def test_a_camera_on_a_hand_that_sees_nothing_located_is_refused():
         calibrate_tree(data, effects=())
 
 
+@pytest.mark.slow
 def test_points_in_a_plane_put_no_camera_where_all_of_them_are_in_one_direction():
     # Linear equations of points on a circle led 10^84 m away, where rays agree with anything.
     for seed in range(20):

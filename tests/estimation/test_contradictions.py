@@ -52,6 +52,7 @@ def test_more_contradicting_poses_than_expected_are_rarer_than_one_in_a_thousand
     assert beyond(most) < 1e-3 <= beyond(most - 1)
 
 
+@pytest.mark.slow
 def test_a_tenth_of_the_poses_off_here_and_there_fails_the_monitor_by_number(model):
     data, wrong = spoilt(9)
     report = check_health(model, data)
@@ -141,6 +142,7 @@ def exchanged(count=30):
     return known, data, replace(data, marker=told)
 
 
+@pytest.mark.slow
 def test_a_cause_that_leaves_the_misfit_is_not_told_as_the_cure():
     known, data, wrong = exchanged()
     assert check_health(known, data, "points").healthy
@@ -172,6 +174,7 @@ def test_a_fifth_of_the_poses_off_at_the_beginning_is_no_change_of_the_body(mode
     assert left is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", slow_rest(["camera", "points"]))
 def test_a_body_does_not_fit_whose_new_zero_leaves_a_fifth_of_the_poses_off(sensor):
     body, data, wrong = tree_of(sensor, share=0.2)
@@ -184,6 +187,7 @@ def test_a_body_does_not_fit_whose_new_zero_leaves_a_fifth_of_the_poses_off(sens
     assert rezero_body(body, data, ["j3"]).fits
 
 
+@pytest.mark.slow
 def test_an_arm_does_not_fit_whose_new_zero_leaves_a_tenth_of_the_poses_off(model):
     data, wrong = spoilt(9)
     update = rezero(model, data, joints=("right_elbow",)).update

@@ -132,6 +132,7 @@ def test_what_the_user_states_stays():
     assert found.ladder.solution.problem.priors["j2.x"] == (0.0, 0.007)
 
 
+@pytest.mark.slow
 def test_a_joint_that_moves_the_other_way_than_described_is_named():
     sim = one_arm(4, joints=4, markers=3, poses=30)
     robot = described(sim, 4, 1.0, 4.0)

@@ -156,6 +156,7 @@ def test_few_corners_in_a_sample_do_not_tell_the_lens_of_a_camera_that_moves():
         calibrate_tree(replace(few, sensors=sensors))
 
 
+@pytest.mark.slow
 def test_turns_about_one_axis_before_corners_leave_a_direction_open():
     _, data = recorded(np.random.default_rng(4), one_axis=True)
     verdict = judge(calibrate_tree(data))

@@ -1,10 +1,13 @@
 """A mirror, a picture and another are told apart by where the hand is seen in them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.estimation.contingency import image_witness
+from nico_selfmodel.estimation.contingency.contingency import ODDS
 from nico_selfmodel.estimation.contingency.image_witness import (
     ANOTHER,
     CANNOT_TELL,
@@ -14,6 +17,7 @@ from nico_selfmodel.estimation.contingency.image_witness import (
     tell_image,
 )
 from nico_selfmodel.estimation.mirrors.reflection_sigma import reflection_sigma
+from nico_selfmodel.estimation.noise.pose_noise import POSE_NOISE
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
@@ -55,14 +59,15 @@ def twin(p):
     return RIG.project(apply(X, p))
 
 
-def seen(shows, count=12, seed=0, mirrored=True, wide=1.0):
-    """Return what both cameras see in so many poses."""
+def seen(shows, count=12, seed=0, mirrored=True, wide=1.0, own_play=False):
+    """Return what both cameras see in so many poses; `own_play`: its joints err by themselves."""
     rng = np.random.default_rng((seed, 5))
     q = rng.uniform(-wide, wide, (4000, 4)) + NEAR
     shown = PLACE.in_front_by(CHAIN.forward(q)) > 0.02
-    pixels = shows(CHAIN.forward(q + rng.uniform(-PLAY, PLAY, q.shape)))
+    p = CHAIN.forward(q + rng.uniform(-PLAY, PLAY, q.shape))
+    pixels = shows(CHAIN.forward(q + rng.uniform(-PLAY, PLAY, q.shape)) if own_play else p)
     shown &= np.isfinite(pixels).all(axis=1) & (np.abs(pixels - 300.0) < 280.0).all(axis=1)
-    q, pixels = q[shown][:count], pixels[shown][:count]
+    q, pixels, own = q[shown][:count], pixels[shown][:count], RIG.project(p[shown][:count])
     assert len(q) == count
     return HandImages(
         tuple(JointInfo(name, "rad") for name in JOINTS),
@@ -70,7 +75,14 @@ def seen(shows, count=12, seed=0, mirrored=True, wide=1.0):
         SERVOS.to_encoder(q),
         pixels + rng.normal(0.0, 0.3, pixels.shape),
         np.full(count, mirrored),
+        own + rng.normal(0.0, 0.3, own.shape),
     )
+
+
+def who_knows_its_play(**changes):
+    """Return the body, which knows how much its joints err."""
+    sigma = np.full(4, PLAY / np.sqrt(3.0)).tolist()
+    return body(fit={POSE_NOISE: {"sensor_sigma": 2e-4, "joint_sigma_rad": sigma}}, **changes)
 
 
 @pytest.mark.slow
@@ -113,7 +125,14 @@ def test_who_is_turned_round_and_stands_elsewhere_is_not_taken_for_a_mirror():
 @pytest.mark.parametrize("count", [0, 4])
 def test_few_looks_tell_nothing(count):
     told = tell_image(
-        HandImages((), "hand", np.zeros((count, 4)), np.zeros((count, 4)), np.ones(count, bool)),
+        HandImages(
+            (),
+            "hand",
+            np.zeros((count, 4)),
+            np.zeros((count, 4)),
+            np.ones(count, bool),
+            np.zeros((count, 4)),
+        ),
         body(),
     )
     assert (told.verdict, told.looks) == (CANNOT_TELL, count)
@@ -145,8 +164,44 @@ def test_an_image_is_told_by_three_bounds(monkeypatch, by_chance, deep, mirror_p
     square = np.interp(-by_chance, [-chi_square_tail(x, len(hand) - 3) for x in grid], grid)
     off = sigma * np.sqrt(square / len(hand))
     monkeypatch.setattr(image_witness, "_off_plane", lambda images, model: (off, sigma))
-    monkeypatch.setattr(image_witness, "_mirror_error", lambda images, model: mirror_px)
+    monkeypatch.setattr(image_witness, "_by_mirror", lambda images, model: (mirror_px, 0.0))
     assert tell_image(images, body()).verdict == verdict
+
+
+def test_who_stands_where_a_mirror_image_would_has_joints_that_err_otherwise():
+    told = [tell_image(seen(in_mirror, seed=s), who_knows_its_play()) for s in range(5)]
+    assert {one.verdict for one in told} == {MIRROR}
+    assert min(one.shared for one in told) > np.log(ODDS)
+    told = [
+        tell_image(seen(in_mirror, seed=s, own_play=True), who_knows_its_play()) for s in range(5)
+    ]
+    assert {one.verdict for one in told} == {ANOTHER}
+    assert max(one.mirror_px for one in told) < 5.0
+
+
+def test_joints_that_hardly_err_and_a_hand_out_of_view_tell_neither():
+    images = seen(in_mirror, own_play=True)
+    still = {POSE_NOISE: {"sensor_sigma": 2e-4, "joint_sigma_rad": [1e-6] * 4}}
+    assert tell_image(images, body(fit=still)).shared == pytest.approx(0.0, abs=0.1)
+    unseen = replace(images, own=np.full_like(images.own, np.nan))
+    told = tell_image(unseen, who_knows_its_play())
+    assert (told.verdict, told.shared) == (MIRROR, 0.0)
+    assert np.isnan(tell_image(images, body()).shared)
+
+
+@pytest.mark.parametrize(("odds", "verdict"), [(0.99, MIRROR), (1.01, ANOTHER)])
+def test_a_mirror_is_ruled_out_by_odds_of_ten_thousand(monkeypatch, odds, verdict):
+    shared = -odds * np.log(ODDS)
+    monkeypatch.setattr(image_witness, "_by_mirror", lambda images, model: (1.0, shared))
+    assert tell_image(seen(in_mirror), body()).verdict == verdict
+
+
+def test_no_look_alone_says_more_than_three():
+    images = seen(in_mirror)
+    wild = images.own + 50.0 * (np.arange(12) == 3)[:, None]
+    told = tell_image(replace(images, own=wild), who_knows_its_play())
+    whole = tell_image(images, who_knows_its_play())
+    assert whole.shared - told.shared <= 6.0
 
 
 def test_pixels_beyond_where_a_lens_has_rays_are_not_judged():

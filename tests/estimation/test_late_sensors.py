@@ -100,6 +100,7 @@ def test_nothing_is_late_of_a_sound_recording(seed, smooth):
     assert calibrate_tree(recorded(seed, smooth=smooth), effects=()).late is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", slow_rest(["backlash", "gear", "eccentric"]))
 def test_what_depends_on_place_or_side_is_not_late(what):
     rng, made = np.random.default_rng(11), one_arm(11, joints=3, markers=2)

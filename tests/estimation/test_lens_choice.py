@@ -45,6 +45,7 @@ def test_boards_choose_their_lens_and_it_passes(kind, seed):
     assert bool(choice.tried) == (kind == "fisheye")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_decentred_lens_has_its_p1_and_p2_let_move(seed):
     (camera,), _, _ = scene("polynomial", seed)

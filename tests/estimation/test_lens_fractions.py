@@ -89,6 +89,7 @@ def test_the_result_says_so_and_passes():
     assert table["left.fx"].sigma is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", slow_rest([range(4000, 4004), range(4100, 4140)], plain=1))
 def test_truth_lies_within_sigma(seeds):
     found = np.concatenate([list(scores(*told(seed)).values()) for seed in seeds])

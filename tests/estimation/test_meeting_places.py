@@ -23,6 +23,7 @@ def met(seed, rows=20, false=0, apart=0.03):
     return R, p, true, np.tile(np.eye(2, dtype=bool), (rows, 1, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("false", slow_rest([0, 2]))
 def test_two_markers_that_touch_are_found_from_far_off(false):
     found = []

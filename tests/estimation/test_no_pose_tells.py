@@ -165,6 +165,7 @@ def with_sights(data, sights):
     return replace(data, observations=data.observations.select(kept))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sights", slow_rest([0, 1]))
 def test_a_marker_that_was_hardly_seen_is_a_warning_and_its_place_is_unknown(sights):
     sim = one_arm(5, joints=3, markers=3, poses=40, sensor="camera")

@@ -139,6 +139,7 @@ def test_a_scale_that_nothing_tells_is_named():
     assert np.isinf([sigma[name] for name in lengths]).all()
 
 
+@pytest.mark.slow
 def test_sensors_that_saw_nothing_stand_for_nothing():
     # A tracker that was listed and never used stood for the world: a division by zero.
     sim = two_arms(0, torso=0, tags_each=3, poses=25)

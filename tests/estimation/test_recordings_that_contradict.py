@@ -59,6 +59,7 @@ def test_a_lens_that_is_not_the_camera_s_fails_and_is_named():
     assert f"--free {name}.f" in wrong.reasons[0]
 
 
+@pytest.mark.slow
 def test_a_target_of_another_size_fails_by_its_factor():
     _, _, F, M = hand_eye_poses(np.random.default_rng(4), 40)
     right = flange_dataset(F, M)
@@ -97,6 +98,7 @@ def test_a_tag_that_is_printed_too_small_is_named_beside_a_description(seed, fac
         assert float(word.split(" measured is ")[1].split()[0]) == pytest.approx(factor, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_wrong_size_is_as_sure_however_far_off_a_description_is_said_to_be():
     data, described = tag_before_a_camera(1, 1.03)
     few, many = (

@@ -152,6 +152,7 @@ def blurred(views, sigma):
     return replace(views, views=tuple(smooth))
 
 
+@pytest.mark.slow
 def test_plain_paint_that_darkens_aside_looks_deeper_the_more_it_is_blurred():
     views, _ = seen(shaded)
     start = ball(RADIUS)

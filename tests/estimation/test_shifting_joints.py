@@ -10,6 +10,7 @@ from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
+from ..slow_rest import slow_rest
 from .simulated_trees import one_arm
 
 SCARA = "rrsr"
@@ -27,7 +28,7 @@ def calibrated(kind, seed, poses=50, **how):
     return arm, found
 
 
-@pytest.mark.parametrize("kind", [SCARA, RAIL, GANTRY])
+@pytest.mark.parametrize("kind", slow_rest([SCARA, RAIL, GANTRY]))
 def test_joints_that_shift_are_found_from_what_a_tracker_saw(kind):
     arm, found = calibrated(kind, 3, markers=2)
     shifts = [i for i, letter in enumerate(kind) if letter == "s"]

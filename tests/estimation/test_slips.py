@@ -72,6 +72,7 @@ def test_where_fewer_joints_slip_at_one_noise_they_may_be_the_likeliest():
     assert found.slipped.any(axis=0).sum() == 1
 
 
+@pytest.mark.slow
 def test_many_small_slips_are_found_together():
     named, hit, alarms = 0, [], []
     for seed in range(10):
@@ -96,6 +97,7 @@ def test_a_joint_that_few_visits_show_is_found_to_slip_as_well():
     assert named >= 5
 
 
+@pytest.mark.slow
 def test_slips_that_were_taken_for_noise_are_still_found():
     parts = [seen(seed, share=0.15, size=7.0, noise=1.5)[1] for seed in range(10)]
     assert sum(part is not None for part in parts) >= 8
@@ -132,6 +134,7 @@ BEHIND = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sensor", "markers", "seed", "degrees"), slow_rest(BEHIND))
 def test_a_joint_that_jumps_far_is_not_taken_for_markers_that_are_wrong(
     sensor, markers, seed, degrees

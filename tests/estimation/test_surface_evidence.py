@@ -84,6 +84,7 @@ def alone(found):
     return [bool((view.places > least).any()) for view in found]
 
 
+@pytest.mark.slow
 def test_a_mark_that_no_picture_shows_for_sure_is_found_by_all_of_them():
     found = views([15.0] * 4, np.random.default_rng(1), surprise=0.5)
     assert not any(alone(found))
@@ -117,6 +118,7 @@ def test_a_place_that_all_pictures_tell_together_surprises_in_each_of_them():
     assert lost == 0
 
 
+@pytest.mark.slow
 def test_what_one_picture_shows_however_bright_is_not_on_the_surface():
     for k in range(4):
         strengths = [0.0] * 4
@@ -126,6 +128,7 @@ def test_what_one_picture_shows_however_bright_is_not_on_the_surface():
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("two", [(0, 2), (1, 3), (0, 3), (1, 2)])
 def test_what_two_pictures_show_and_the_others_do_not_is_not_on_the_surface(two):
     """A spot on the glass lies before nearly the same places for one camera in two mirrors."""
@@ -140,6 +143,7 @@ def test_what_two_of_three_pictures_show_is_found_if_the_third_does_too():
     assert all(found[k].any() for k in (0, 2, 3))
 
 
+@pytest.mark.slow
 def test_what_only_one_look_shows_is_not_found_where_the_other_judges():
     rng = np.random.default_rng(3)
     assert not any(above.any() for above in together(views([60.0, 60.0, 0.0, 0.0], rng)))

@@ -194,6 +194,7 @@ def test_scatter_far_below_the_stated_sigma_asks_for_its_unit(arm, part, said):
     assert any("is its unit metres?" in warning for warning in words) is said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("degrees", "fails"), [(4.9, False), (5.1, True)])
 def test_a_body_fails_where_its_joints_would_have_to_be_loose(degrees, fails):
     found = learned(0)

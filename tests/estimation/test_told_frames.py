@@ -20,6 +20,7 @@ from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_tree import PRISMATIC
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
+from ..slow_rest import slow_rest
 from .simulated_trees import observed, one_arm
 from .test_one_problem import from_first_camera
 
@@ -61,7 +62,7 @@ def test_markers_of_known_place_on_a_moving_link_tell_cameras_all_lengths():
 
 
 @pytest.mark.parametrize(
-    ("told", "frame"), [({"hand_tag0.z": 0.3}, "j3.z"), ({"hand_tag0.x": 0.01}, "j3.rz")]
+    ("told", "frame"), slow_rest([({"hand_tag0.z": 0.3}, "j3.z"), ({"hand_tag0.x": 0.01}, "j3.rz")])
 )
 def test_one_told_coordinate_chooses_the_frame_and_changes_nothing_else(
     tracked, alone, told, frame

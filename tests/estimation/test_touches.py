@@ -130,6 +130,7 @@ def at_a_plane():
     return tree, data, ball, calibrate_tree(data, effects=())
 
 
+@pytest.mark.slow
 def test_a_plane_that_nobody_knows_is_found_with_the_ball_that_touched_it(at_a_plane):
     tree, _, ball, found = at_a_plane
     (plane,) = found.tree.planes
@@ -221,6 +222,7 @@ def test_a_distance_that_is_known_tells_how_large_the_body_is():
     assert ends[1] / ends[0] == pytest.approx(1.0, abs=0.02)
 
 
+@pytest.mark.slow
 def test_touches_noted_at_poses_that_touched_nothing_fail_and_are_named(at_a_plane):
     _, data, _, sound = at_a_plane
     assert not any("is missed by" in said for said in tree_result(sound).texts(LAST))
@@ -257,6 +259,7 @@ def test_touches_alone_correct_a_robot_that_is_described():
     assert tree_result(found).test.position is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("touches", [30, 60])
 def test_touches_alone_do_not_explain_a_description_away(touches):
     tree, data, _ = arm_at_a_plane(8, touches=touches)

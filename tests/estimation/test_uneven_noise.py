@@ -38,6 +38,7 @@ def two_limbs(seed, poses=60):
     return observed(tree, chain, infos, sensors, q, rng, joint_sigma=noise, sigma={"points": 2e-4})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", slow_rest([1, 2]))
 def test_limbs_that_are_read_unlike_each_other_have_noise_of_their_own(seed):
     found = calibrate_tree(two_limbs(seed), effects=())
@@ -48,6 +49,7 @@ def test_limbs_that_are_read_unlike_each_other_have_noise_of_their_own(seed):
     assert not found.solution.slipped[:, 3:].mean() > 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("markers", slow_rest([3, 1]))
 def test_joints_of_a_chain_that_are_read_worse_than_others_do_not_count_as_slipping(markers):
     noise = np.array([QUIET, QUIET, QUIET, LOUD, LOUD, QUIET])
@@ -171,12 +173,14 @@ def test_heavy_tails_of_all_joints_are_noise_and_no_joint_is_named(markers, seed
     assert found.noise["j1"] == pytest.approx(rms, rel=0.25)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", slow_rest([41, 43]))
 def test_tails_of_joints_that_are_read_badly_count_beyond_a_hundredth_of_their_travel(seed):
     found, rms = tailed(seed, 3, read=np.radians(0.2))
     assert found.noise["j1"] == pytest.approx(rms, rel=0.12)
 
 
+@pytest.mark.slow
 def test_a_reading_that_is_farther_off_than_tails_reach_is_no_noise():
     arm = one_arm(7, joints=6, markers=3, poses=60)
     readings = arm.data.readings.copy()
@@ -186,6 +190,7 @@ def test_a_reading_that_is_farther_off_than_tails_reach_is_no_noise():
     assert found.noise["j1"] == found.solution.noise.joint[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("markers", "seed"), slow_rest([(1, 2), (1, 3), (3, 2), (3, 3)]))
 def test_heavy_tails_of_a_tracker_are_no_noise_of_joints(markers, seed):
     rng = np.random.default_rng((seed, 9))

@@ -219,7 +219,7 @@ def images(count, **said_of):
     for shown, allowed in ALLOWED.items():
         words = [allowed[0]] * (count - 1) + [said_of.get(shown.split()[0], allowed[-1])]
         trials += [
-            ImageTrial(shown, ImageVerdict(word, 12, 20.0, 4.0, 25.0, _mirror_px(word)))
+            ImageTrial(shown, ImageVerdict(word, 12, 20.0, 4.0, 25.0, _mirror_px(word), 9.0))
             for k, word in enumerate(words)
         ]
     return ImageStage(tuple(trials))
@@ -248,7 +248,7 @@ def test_what_moves_with_oneself_must_be_told_by_where_it_is(count, said_of, sta
 def test_a_twin_that_no_mirror_explains_and_images_that_nobody_saw_can_be_written(tmp_path):
     nan = float("nan")
     unseen = ImageTrial("twin that imitates at once",
-                        ImageVerdict("cannot tell", 3, nan, nan, nan, nan))  # fmt: skip
+                        ImageVerdict("cannot tell", 3, nan, nan, nan, nan, nan))  # fmt: skip
     told = ImageStage((*images(5).trials, unseen))
     report_of(MirrorTest(stage(15), told)).write(tmp_path / "out")
     document = json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))

@@ -17,6 +17,7 @@ from nico_selfmodel.errors import RobotError
 from nico_selfmodel.servos import MotorServer
 from nico_selfmodel.servos.server import line_server
 
+from ..slow_rest import slow_rest
 from .arms import stopped, wait_for
 from .motor_client import MotorClient
 
@@ -77,7 +78,7 @@ def hung_up(connection, seconds=5.0):
 
 
 @WITHIN
-@pytest.mark.parametrize("sent", [b"", b'{"op": "sto', STOP[:-1]])
+@pytest.mark.parametrize("sent", slow_rest([b'{"op": "sto', b"", STOP[:-1]]))
 def test_a_stop_is_answered_at_once_among_clients_that_say_nothing_or_half_a_line(
     server, bus, sent, within
 ):
@@ -228,7 +229,7 @@ def moving(server, bus):
     return holder
 
 
-@pytest.mark.parametrize("method", ["POST", "GET", "PUT", "OPTIONS"])
+@pytest.mark.parametrize("method", slow_rest(["POST", "GET", "PUT", "OPTIONS"]))
 @pytest.mark.parametrize("op", ["stop", "lease"])
 def test_what_a_web_page_sends_is_not_obeyed(server, bus, method, op):
     """A page that somebody opens on this machine may have the browser send any body."""
@@ -247,7 +248,10 @@ def test_what_a_web_page_sends_is_not_obeyed(server, bus, method, op):
 
 
 @pytest.mark.parametrize(
-    "first", [b"\n", b"hello\n", b"[]\n", b"\x16\x03\x01\n", b"{}\n", b'"op"\n', b"null\n"]
+    "first",
+    slow_rest(
+        [b"hello\n", b"{}\n", b"\n", b"[]\n", b"\x16\x03\x01\n", b'"op"\n', b"null\n"], plain=2
+    ),
 )
 def test_who_begins_with_something_else_is_not_listened_to_any_further(server, bus, first):
     with moving(server, bus), ExitStack() as stack:

@@ -73,6 +73,7 @@ def turned(bus, config, start):
     return np.abs(np.subtract(bus.shafts(), start)) / config.joints[0].counts_per_radian
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "baud"),
     [

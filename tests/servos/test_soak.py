@@ -84,6 +84,7 @@ def test_a_soak_on_a_bad_line_accepts_no_wrong_position_and_recovers(make):
     assert min(faults.corrupted, faults.dropped, faults.duplicated) > 1000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", slow_rest(MAKES))
 def test_a_short_soak_of_each_make(make):
     _, moves, recovered = soak(make, 1, 1500)

@@ -1,5 +1,7 @@
 """What a robot expects to see of itself, held against what it sees, directly and in a mirror."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from pydrake.common.value import AbstractValue
@@ -18,31 +20,40 @@ from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate, put_mirro
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.vision.images.image_array import bgr_of_rgba
 
-NICO = RenderedNico("clean", 2, ("fiducial",), ImageQuality(1, noise=0.0))
-MODEL = NICO.ground_truth.model()
+
+@cache
+def nico():
+    return RenderedNico("clean", 2, ("fiducial",), ImageQuality(1, noise=0.0))
+
+
+@cache
+def true_model():
+    return nico().ground_truth.model()
 
 
 @pytest.fixture(scope="module")
 def image():
-    with BodyImage(NICO.arm, MODEL, supersample=1) as one:
+    with BodyImage(nico().arm, true_model(), supersample=1) as one:
         yield one
 
 
 @pytest.fixture(scope="module")
 def look():
     """Return the true mirror, readings, and what both cameras see in a large one."""
-    before = NicoBeforeMirrors(NICO, {"glass": DEFAULT_MIRROR}, plate=MirrorPlate("m", 1.4, 1.4))
+    before = NicoBeforeMirrors(nico(), {"glass": DEFAULT_MIRROR}, plate=MirrorPlate("m", 1.4, 1.4))
     view = before.views["glass"]
     with before.station(0) as station:
         simulator = Simulator(station)
         context = simulator.get_mutable_context()
-        command = commands_of_angles(station.joints, NICO.arm.lower, NICO.arm.upper, view.q[:1])[0]
+        command = commands_of_angles(
+            station.joints, nico().arm.lower, nico().arm.upper, view.q[:1]
+        )[0]
         station.GetInputPort("encoders_commanded").FixValue(context, command)
         put_mirror(station, context, view.X_BM)
         simulator.AdvanceTo(2.5)
         readings = np.array(station.GetOutputPort("encoders").Eval(context))
         pictures = [station.picture(context, side) for side in ("left", "right")]
-    return NICO.ground_truth.mirror(view.X_BM), readings, pictures
+    return nico().ground_truth.mirror(view.X_BM), readings, pictures
 
 
 @pytest.mark.slow
@@ -60,8 +71,8 @@ def test_who_knows_itself_sees_in_a_mirror_what_it_expects(image, look):
 @pytest.mark.slow
 def test_the_hand_is_expected_where_its_link_is_projected_and_as_far_away(image, look):
     mirror, readings, _ = look
-    p_WH = MODEL.points(MODEL.servos.to_joint(readings))
-    reflected = MirrorRig(MODEL.rig, mirror)
+    p_WH = true_model().points(true_model().servos.to_joint(readings))
+    reflected = MirrorRig(true_model().rig, mirror)
     for side in range(2):
         seen = image.expect(readings, mirror, side)
         u, v = np.round(reflected.project(p_WH)[2 * side : 2 * side + 2]).astype(int)
@@ -95,29 +106,31 @@ def test_the_sigma_of_a_reflection_is_how_far_it_scatters(image, look):
     true, readings, _ = look
     covariance = np.diag(np.square([2e-3, 1e-3, 1e-3]))
     mirror = Mirror.from_values(true.values, covariance)
-    p_WH = MODEL.points(MODEL.servos.to_joint(readings))
-    u, v = np.round(MirrorRig(MODEL.rig, mirror).project(p_WH)[:2]).astype(int)
+    p_WH = true_model().points(true_model().servos.to_joint(readings))
+    u, v = np.round(MirrorRig(true_model().rig, mirror).project(p_WH)[:2]).astype(int)
     depth = image.expect(readings, mirror, 0).depth
-    sigma = reflection_sigma(MODEL.rig, mirror, 0, depth, 2e-3)[v, u]
+    sigma = reflection_sigma(true_model().rig, mirror, 0, depth, 2e-3)[v, u]
     rng = np.random.default_rng(1)
     values = rng.multivariate_normal(mirror.values, covariance, 400)
     points = p_WH + 2e-3 * rng.standard_normal((400, 3))
     pixels = np.array(
         [
-            MirrorRig(MODEL.rig, Mirror.from_values(m)).project(p)[:2]
+            MirrorRig(true_model().rig, Mirror.from_values(m)).project(p)[:2]
             for m, p in zip(values, points, strict=True)
         ]
     )
     scatter = np.sqrt(0.5 * np.trace(np.cov(pixels.T)))
     # Rounded up to a sixteenth of a pixel.
     assert scatter * 0.92 < sigma < scatter * 1.08 + 0.0625
-    assert np.isnan(reflection_sigma(MODEL.rig, mirror, 0, np.full((480, 640), np.inf), 1e-3)).all()
+    assert np.isnan(
+        reflection_sigma(true_model().rig, mirror, 0, np.full((480, 640), np.inf), 1e-3)
+    ).all()
 
 
 @pytest.mark.slow
 def test_a_closed_expectation_says_so(look):
     _, readings, _ = look
-    image = BodyImage(NICO.arm, MODEL, supersample=1)
+    image = BodyImage(nico().arm, true_model(), supersample=1)
     image.close()
     with pytest.raises(RobotError, match="was closed"):
         image.expect(readings, None, 0)

@@ -69,6 +69,7 @@ def test_a_very_large_radius_shows_what_a_flat_mirror_does():
         assert np.abs(one.astype(int) - other).max() <= 1
 
 
+@pytest.mark.slow
 def test_stains_cover_the_glass_and_nothing_else():
     clean, dirty = MirrorWorld(RIG, SHARP), MirrorWorld(RIG, SHARP, plate=MirrorPlate(dirt=0.5))
     X_LM = plate_pose(MIRROR)

@@ -1,5 +1,7 @@
 """A body that learns from its own pictures in a mirror how it stands before it."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -13,26 +15,38 @@ from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.vision.images.image_array import bgr_of_rgba
 
-NICO = RenderedNico("clean", 2, ("fiducial",))
+
+@cache
+def nico():
+    return RenderedNico("clean", 2, ("fiducial",))
+
+
 TRUE = DEFAULT_MIRROR
 OFF = np.array([1.2e-3, -0.9e-3, 2e-4])
 """How far the mirror is from where the hand told it to be."""
-READINGS = NICO.ground_truth.model().servos.to_encoder(0.5 * (NICO.arm.lower + NICO.arm.upper))
+
+
+@cache
+def readings():
+    return (
+        nico().ground_truth.model().servos.to_encoder(0.5 * (nico().arm.lower + nico().arm.upper))
+    )
 
 
 @pytest.fixture
 def image():
-    with BodyImage(NICO.arm, NICO.ground_truth.model(), supersample=1) as one:
+    with BodyImage(nico().arm, nico().ground_truth.model(), supersample=1) as one:
         yield one
 
 
+@pytest.mark.slow
 def test_who_stands_elsewhere_has_its_links_and_joints_there(image):
-    before = image.poses(READINGS)
+    before = image.poses(readings())
     (joint,) = image.standing(("neck_yaw",))
     X_WB = transform(rotation_about([0.0, 0.0, 1.0], 0.1), [0.01, 0.02, 0.03])
     image.hold({}, X_WB)
     for link in ("head", "chest", "right_hand"):
-        assert image.poses(READINGS)[link] == pytest.approx(X_WB @ before[link], abs=1e-9)
+        assert image.poses(readings())[link] == pytest.approx(X_WB @ before[link], abs=1e-9)
     (moved,) = image.standing(("neck_yaw",))
     assert moved.axis == pytest.approx(X_WB[:3, :3] @ joint.axis)
     assert "head" in moved.links
@@ -41,10 +55,10 @@ def test_who_stands_elsewhere_has_its_links_and_joints_there(image):
 
 @pytest.mark.slow
 def test_a_turned_neck_turns_the_head_and_not_the_chest(image):
-    before = image.poses(READINGS)
+    before = image.poses(readings())
     (joint,) = image.standing(("neck_yaw",))
     image.hold({"neck_yaw": joint.angle + 0.2})
-    after = image.poses(READINGS)
+    after = image.poses(readings())
     assert after["chest"] == pytest.approx(before["chest"])
     turned = rotation_about(joint.axis, 0.2) @ before["head"][:3, :3]
     assert after["head"][:3, :3] == pytest.approx(turned, abs=1e-9)
@@ -52,7 +66,7 @@ def test_a_turned_neck_turns_the_head_and_not_the_chest(image):
 
 def nose(image, model, mirror):
     """Return where the tip of the nose is expected in the mirror. Shape (4,)."""
-    p_W = apply(image.poses(READINGS)["head"], np.array([[0.0895, 0.0, 0.043]]))
+    p_W = apply(image.poses(readings())["head"], np.array([[0.0895, 0.0, 0.043]]))
     return MirrorRig(model.rig, mirror).project(p_W[0])
 
 
@@ -65,12 +79,12 @@ def test_neck_and_mirror_are_told_by_the_face_in_the_mirror(image):
         "neck_pitch": angles["neck_pitch"] - 0.01,
     }
     image.hold(held)
-    seen = [image.expect(READINGS, TRUE, side) for side in range(2)]
+    seen = [image.expect(readings(), TRUE, side) for side in range(2)]
     pictures = [np.round(0.93 * bgr_of_rgba(one.color)).astype(np.uint8) for one in seen]
     image.hold(angles)
     guess = Mirror.from_values(TRUE.values + OFF, np.diag(np.square([1e-3, 1e-3, 3e-4])))
-    model = NICO.ground_truth.model(mirrors={"mirror": guess})
-    known = know_body(image, model, [Shot("mirror", READINGS, (pictures[0], pictures[1]))])
+    model = nico().ground_truth.model(mirrors={"mirror": guess})
+    known = know_body(image, model, [Shot("mirror", readings(), (pictures[0], pictures[1]))])
     found = np.array([known.angles[name] - held[name] for name in ("neck_yaw", "neck_pitch")])
     assert np.abs(found).max() < np.radians(0.25)
     # Mirror and body err together: what matters is where the face is expected in the picture.
@@ -90,16 +104,16 @@ def test_the_light_is_told_by_the_shades_of_the_body_in_the_mirror(image):
     image.turn_light(turn)
     rng, pictures = np.random.default_rng(0), []
     for side in range(2):
-        seen = 0.93 * bgr_of_rgba(image.expect(READINGS, TRUE, side).color)
+        seen = 0.93 * bgr_of_rgba(image.expect(readings(), TRUE, side).color)
         pictures.append(np.clip(np.round(seen + rng.normal(0.0, 2.0, seen.shape)), 0, 255))
     image.turn_light(np.zeros(3))
-    before = {link: image.poses(READINGS)[link] for link in ("head", "chest")}
+    before = {link: image.poses(readings())[link] for link in ("head", "chest")}
     guess = Mirror.from_values(TRUE.values, np.diag(np.square([1e-3, 1e-3, 3e-4])))
-    model = NICO.ground_truth.model(mirrors={"mirror": guess})
-    shot = Shot("mirror", READINGS, (pictures[0].astype(np.uint8), pictures[1].astype(np.uint8)))
+    model = nico().ground_truth.model(mirrors={"mirror": guess})
+    shot = Shot("mirror", readings(), (pictures[0].astype(np.uint8), pictures[1].astype(np.uint8)))
     known = know_body(image, model, [shot])
     assert np.degrees(known.light) == pytest.approx(np.degrees(turn), abs=0.3)
     # Shades that lie elsewhere are not taken for a body that is turned.
     for link, X_WF in before.items():
-        turned = rotation_vector_of(image.poses(READINGS)[link][:3, :3] @ X_WF[:3, :3].T)
+        turned = rotation_vector_of(image.poses(readings())[link][:3, :3] @ X_WF[:3, :3].T)
         assert np.degrees(np.linalg.norm(turned)) < 0.3

@@ -1,5 +1,7 @@
 """Spots of paint on a rendered Nico: seen in the mirror where they are, and gone when wiped off."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
@@ -17,7 +19,12 @@ from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.other_robot import OTHER
 from nico_selfmodel.systems.stations.seen_surface import SeenSurface
 
-NICO = RenderedNico("thesis", 2, ("fiducial",), ImageQuality(2, noise=0.0))
+
+@cache
+def nico():
+    return RenderedNico("thesis", 2, ("fiducial",), ImageQuality(2, noise=0.0))
+
+
 RED = np.array([0.9, 0.1, 0.1])
 
 
@@ -25,14 +32,16 @@ RED = np.array([0.9, 0.1, 0.1])
 def before():
     """Return a station before a mirror, its context, and the mirror's true pose."""
     view = NicoBeforeMirrors(
-        NICO, {"glass": DEFAULT_MIRROR}, plate=MirrorPlate("m", 1.4, 1.4)
+        nico(), {"glass": DEFAULT_MIRROR}, plate=MirrorPlate("m", 1.4, 1.4)
     ).views["glass"]
     with NicoStation(
-        "thesis", 2, arm=NICO.arm, quality=NICO.quality, mirror=view.plate, other=True
+        "thesis", 2, arm=nico().arm, quality=nico().quality, mirror=view.plate, other=True
     ) as station:
         simulator = Simulator(station)
         context = simulator.get_mutable_context()
-        command = commands_of_angles(station.joints, NICO.arm.lower, NICO.arm.upper, view.q[:1])[0]
+        command = commands_of_angles(
+            station.joints, nico().arm.lower, nico().arm.upper, view.q[:1]
+        )[0]
         for port in ("encoders_commanded", "other_commanded"):
             station.GetInputPort(port).FixValue(context, command)
         put_mirror(station, context, view.X_BM)

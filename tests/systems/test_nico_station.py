@@ -115,6 +115,7 @@ def test_true_cameras_are_not_those_that_were_designed():
     assert any(body.held[joint] != value for joint, value in looking_arm().held.items())
 
 
+@pytest.mark.slow
 def test_motion_capture_sees_the_hand_where_the_true_arm_has_it_up_to_its_frame(station):
     clean = NicoStation("clean", 3, quality=ROUGH)
     body = NicoInstance.build(clean.arm, IMPERFECTIONS["clean"], 3, NICO_CAMERAS)

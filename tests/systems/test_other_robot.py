@@ -1,5 +1,7 @@
 """A second robot before the first: seen where it stands, moved by its own commands."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
@@ -21,13 +23,17 @@ FACING = transform(
     np.array([[-np.cos(GAZE), np.sin(GAZE), 0], [-np.sin(GAZE), -np.cos(GAZE), 0], [0, 0, 1.0]]),
     [0.85 * np.cos(GAZE), 0.85 * np.sin(GAZE), 0.0],
 )
-NICO = RenderedNico("thesis", 3, ("fiducial",), ROUGH)
+
+
+@cache
+def nico():
+    return RenderedNico("thesis", 3, ("fiducial",), ROUGH)
 
 
 @pytest.fixture(scope="module")
 def station():
     with NicoStation(
-        "thesis", 3, arm=NICO.arm, quality=ROUGH, mirror=MirrorPlate(), other=True
+        "thesis", 3, arm=nico().arm, quality=ROUGH, mirror=MirrorPlate(), other=True
     ) as one:
         yield one
 
@@ -55,7 +61,7 @@ def test_a_second_robot_is_seen_where_it_stands_and_moves_by_its_own_commands(st
 
 @pytest.mark.slow
 def test_a_station_without_a_second_robot_says_so():
-    with NicoStation("thesis", 3, arm=NICO.arm, quality=ROUGH) as alone:
+    with NicoStation("thesis", 3, arm=nico().arm, quality=ROUGH) as alone:
         with pytest.raises(RobotError, match="other=True"):
             alone.stand_other(alone.CreateDefaultContext(), FACING)
         assert not alone.HasInputPort("other_commanded")
@@ -63,11 +69,11 @@ def test_a_station_without_a_second_robot_says_so():
 
 @pytest.mark.slow
 def test_cells_with_the_own_arm_hold_the_tracked_hand():
-    truth = NICO.ground_truth
+    truth = nico().ground_truth
     model = truth.model()
-    own = OwnArmInView(NICO.arm, model, model.rig.left, 16)
-    with NICO.station(0) as alone:
-        plan = NICO.plan(alone, 0, 6, np.random.default_rng(2))
+    own = OwnArmInView(nico().arm, model, model.rig.left, 16)
+    with nico().station(0) as alone:
+        plan = nico().plan(alone, 0, 6, np.random.default_rng(2))
     for _, command in plan:
         pixels = truth.expected([command])[0][0, :2]
         column, row = (pixels // 16).astype(int)
@@ -77,9 +83,9 @@ def test_cells_with_the_own_arm_hold_the_tracked_hand():
 
 
 def test_an_arm_on_a_line_that_the_lens_does_not_show_still_reaches_into_the_picture(monkeypatch):
-    model = NICO.ground_truth.model()
+    model = nico().ground_truth.model()
     camera = model.rig.left
-    own = OwnArmInView(NICO.arm, model, camera, 16)
+    own = OwnArmInView(nico().arm, model, camera, 16)
     shown = ~np.isnan(own._rays[:, :, 0])
     assert 0 < (~shown).sum() < 30
     last = int(np.flatnonzero(shown[29])[-1])  # the cell of the lowest row that is shown last
@@ -114,11 +120,11 @@ def test_starts_and_stops_of_a_motor_program_have_no_memory():
 
 @pytest.mark.slow
 def test_a_session_tells_when_encoders_and_image_move(station):
-    model = NICO.ground_truth.model()
+    model = nico().ground_truth.model()
     session = MotionSession(station, model, np.eye(4), GAZE, 0.07)
     rng = np.random.default_rng(4)
-    with NICO.station(0) as alone:
-        poses = np.array([command for _, command in NICO.plan(alone, 0, 8, rng)])
+    with nico().station(0) as alone:
+        poses = np.array([command for _, command in nico().plan(alone, 0, 8, rng)])
     watched = np.array(list(session.watch(Encounter("nobody"), poses, 1.2, rng)))
     moved, own, elsewhere = watched.T
     assert 0.0 < moved.mean() < 1.0
@@ -142,9 +148,9 @@ def test_what_moves_before_either_camera_alone_is_noticed(station, monkeypatch, 
         return shown.astype(np.uint8)
 
     monkeypatch.setattr(station, "picture", picture)
-    session = MotionSession(station, NICO.ground_truth.model(), np.eye(4), GAZE, 0.07)
-    with NICO.station(0) as alone:
-        poses = np.array([command for _, command in NICO.plan(alone, 0, 8, rng)])
+    session = MotionSession(station, nico().ground_truth.model(), np.eye(4), GAZE, 0.07)
+    with nico().station(0) as alone:
+        poses = np.array([command for _, command in nico().plan(alone, 0, 8, rng)])
     watched = np.array(list(session.watch(Encounter("nobody"), poses, 0.6, rng)))
     assert watched[2:, 2].all()
 

@@ -40,6 +40,7 @@ def looked():
     return found
 
 
+@pytest.mark.slow
 def test_about_the_marks_both_pictures_are_the_same_to_the_last_bit(looked):
     for whole, sight, pixels, _ in looked:
         for point, (u, v) in pixels.items():
@@ -63,6 +64,7 @@ def test_marks_are_found_where_the_whole_picture_shows_them(looked):
             assert np.array_equal(find(whole.astype(np.uint8)), pixels[point])
 
 
+@pytest.mark.slow
 def test_a_whole_picture_shows_what_the_tracker_was_shown_without_rendering_it_again(monkeypatch):
     rendered = []
     look = MountedCamera.look

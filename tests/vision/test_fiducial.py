@@ -35,6 +35,7 @@ def test_the_centre_of_a_marker_is_found_without_bias(located):
     assert np.sqrt(np.sum(centers**2, axis=1).mean()) <= 0.1
 
 
+@pytest.mark.slow
 def test_the_corners_of_a_marker_are_found_to_a_tenth_of_a_pixel(located):
     _, corners = located
     assert np.abs(corners.mean(axis=(0, 1))).max() <= 0.02

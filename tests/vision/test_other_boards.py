@@ -235,6 +235,7 @@ def test_tags_of_another_size_are_named(tag, prints):
     assert re.match(rf"the tags are 4[34]\.\d mm wide where --tag-mm says {tag}", seen.reason)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", slow_rest([5, 6, 9, 33], plain=1))
 def test_a_fisheye_makes_no_tag_another_size(seed, prints):
     rng = np.random.default_rng(seed)

@@ -33,6 +33,7 @@ def errors(seen, photograph):
     return seen.corners[rows] - photograph.pixels[true]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lens", slow_rest(list(LENSES), plain=1))
 @pytest.mark.parametrize("count", [1, pytest.param(30, marks=pytest.mark.slow)])
 def test_parts_are_found_where_they_are_and_as_often_as_by_opencv(lens, count):
@@ -141,6 +142,7 @@ def test_photographs_tell_of_parts(folder):
     assert image.shape[:2] == (600, 800)
 
 
+@pytest.mark.slow
 def test_a_board_that_no_photograph_shows_whole_is_asked_about(folder):
     whole = [("01", Path(folder) / "left01.png")]
     with pytest.raises(DataError, match=r"none of 1 images shows all of a 10x7 board.*is it a 9x6"):

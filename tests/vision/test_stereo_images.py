@@ -117,6 +117,7 @@ def test_a_missing_folder_is_named(tmp_path):
         camera_images(tmp_path, "left")
 
 
+@pytest.mark.slow
 def test_a_board_of_the_wrong_size_is_told_which_size_was_seen(folder):
     for image in (*folder.glob("*10.png"), *folder.glob("*2.png")):
         image.unlink()

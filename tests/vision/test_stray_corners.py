@@ -78,6 +78,7 @@ def test_a_window_that_reaches_the_neighbours_is_forgiven_what_it_must_do():
     assert stray_corners(grid, SIZE, 11)[2, 3]
 
 
+@pytest.mark.slow
 def test_a_search_that_comes_back_to_where_it_began_is_no_corner(monkeypatch):
     rng = np.random.default_rng(5)
     H = random_view(rng, 330, (640, 480), tilt=0.4, center=(320, 240))
@@ -100,7 +101,7 @@ def test_a_search_that_comes_back_to_where_it_began_is_no_corner(monkeypatch):
     assert np.linalg.norm(seen.corners - whole.corners, axis=1).max() < 0.3
 
 
-@pytest.mark.parametrize("seed", slow_rest(range(40), plain=10))
+@pytest.mark.parametrize("seed", slow_rest(range(40), plain=4))
 def test_what_is_seen_beside_glare_is_where_it_is(seed):
     """Glare on a corner either leaves it where it is, or it is not seen."""
     rng = np.random.default_rng(seed)
@@ -117,6 +118,7 @@ def test_what_is_seen_beside_glare_is_where_it_is(seed):
     assert np.nanmax(np.linalg.norm(seen.corners - truth.points, axis=1)) < 3.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("columns", "rows", "share", "seeds"),
     slow_rest(
@@ -154,11 +156,13 @@ def without_a_board():
         yield dots
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("image", slow_rest(without_a_board(), plain=4))
 def test_no_size_is_guessed_where_there_is_no_board(image):
     assert size_of_board(image) is None
 
 
+@pytest.mark.slow
 def test_the_size_of_a_board_is_still_guessed():
     rng = np.random.default_rng(3)
     H = random_view(rng, 360, (640, 480), tilt=0.3, roll=0.3, center=(320, 240))

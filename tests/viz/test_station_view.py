@@ -1,6 +1,7 @@
 """The live scene: a robot that moves, images with marks, and a recording in one page."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,13 +23,19 @@ JOINTS = tuple(
     JointInfo(name, "rad", None, float(low), float(high))
     for name, low, high in zip(ARM.joints, ARM.lower, ARM.upper, strict=True)
 )
-MODEL = VisibleWorkspace.of(ARM).first_guess(JOINTS)
+
+
+@cache
+def guessed():
+    return VisibleWorkspace.of(ARM).first_guess(JOINTS)
+
+
 READINGS = np.radians([-40.0, 15.0, -35.0, -55.0])
 IMAGES = [np.full((480, 640, 3), level, np.uint8) for level in (90, 120)]
 
 
 def pixels():
-    return MODEL.rig.project(MODEL.predict(READINGS).p_WH)[0]
+    return guessed().rig.project(guessed().predict(READINGS).p_WH)[0]
 
 
 def test_a_cross_marks_a_pixel_and_leaves_it_to_be_seen():
@@ -50,7 +57,7 @@ def test_two_marks_at_one_place_both_show_and_none_is_drawn_where_nothing_was_se
 
 
 def test_the_robot_moves_and_its_hand_and_cameras_are_drawn():
-    view = StationView(ARM, MODEL)
+    view = StationView(ARM, guessed())
     for q in (READINGS, np.zeros(4)):
         view.show(q, IMAGES, pixels())
     drawn = (
@@ -67,7 +74,7 @@ def test_the_robot_moves_and_its_hand_and_cameras_are_drawn():
 
 def test_the_predicted_hand_is_on_the_drawn_hand():
     """In the scene's frame the robot's own plant puts the marker where the chain does."""
-    view = StationView(ARM, MODEL)
+    view = StationView(ARM, guessed())
     view._link_poses(READINGS)
     frame = view._built.tracked_point_frame("fiducial")
     on_robot = frame.CalcPoseInWorld(view._context).translation()
@@ -95,7 +102,7 @@ def test_the_screens_face_the_viewer_and_hide_nothing_of_the_robot():
 
 @pytest.mark.slow
 def test_a_recording_keeps_every_image():
-    view = StationView(ARM, MODEL, recording=True)
+    view = StationView(ARM, guessed(), recording=True)
     for k in range(3):
         view.show(READINGS + 0.1 * k, IMAGES, pixels() if k else None)
     paths = [f"{ROOT}/cameras/{camera}/frame_{k}" for camera in ("left", "right") for k in range(3)]
@@ -106,11 +113,11 @@ def test_a_recording_keeps_every_image():
 def before_glass():
     """Return a model that knows a mirror 0.3 m before its cameras, and the glass."""
     mirror = Mirror.from_values([0.0, np.radians(-20.0), 0.3])
-    X_BL = MODEL.rig.left.X_WC
+    X_BL = guessed().rig.left.X_WC
     X_LM = transform(np.stack([[1.0, 0.0, 0.0], np.cross(-mirror.normal, [1.0, 0.0, 0.0]),
                                -mirror.normal], axis=1), -0.25 * mirror.normal)  # fmt: skip
     X_RM = inverse(ARM.links.X_BR) @ X_BL @ X_LM
-    return replace(MODEL, mirrors={"glass": mirror}), StandingGlass("glass", X_RM, 0.4, 0.3)
+    return replace(guessed(), mirrors={"glass": mirror}), StandingGlass("glass", X_RM, 0.4, 0.3)
 
 
 @pytest.mark.slow
@@ -145,11 +152,11 @@ def test_reflections_are_marked_by_rings_and_need_a_glass():
     far = np.hypot(*(np.argwhere(drawn.any(axis=2)) - [50, 60]).T)
     assert 22.0 < far.min() < far.max() < 30.0
     with pytest.raises(ValueError, match="without a glass"):
-        StationView(ARM, MODEL).show(READINGS, None, None, np.zeros(4))
+        StationView(ARM, guessed()).show(READINGS, None, None, np.zeros(4))
 
 
 def test_a_model_without_cameras_and_pixels_that_are_none_are_refused():
     with pytest.raises(ModelError, match="no pair of cameras"):
-        StationView(ARM, replace(MODEL, cameras={}))
+        StationView(ARM, replace(guessed(), cameras={}))
     with pytest.raises(ValueError, match=r"shape \(4,\)"):
-        StationView(ARM, MODEL).show(READINGS, None, [1.0, 2.0])
+        StationView(ARM, guessed()).show(READINGS, None, [1.0, 2.0])

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.arrays import numbered_rows
 from nico_selfmodel.dataset.array_hash import array_hash
 from nico_selfmodel.dataset.body.body_dataset import (
     ANY_POSE,
@@ -267,8 +268,8 @@ def _refuse_copies(found: ObservationTable, path: Path, lines: Sequence[int]) ->
     mirror = np.unique(found.mirror, return_inverse=True)[1]
     who = [found.pose, found.sensor, found.marker, found.other, mirror]
     rows = np.column_stack([*who, np.nan_to_num(found.values)])
-    _, first, same = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    original = first[same.ravel()]
+    first, same = numbered_rows(rows)
+    original = first[same]
     copies = np.flatnonzero((original != np.arange(len(rows))) & (found.pose != ANY_POSE))
     if len(copies):
         copy = int(copies[0])

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from nico_selfmodel.arrays import numbered_rows
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
 
 
@@ -22,21 +23,13 @@ def without_copies(data: BodyDataset) -> BodyDataset:
     """
     table = data.observations
     told = np.flatnonzero((table.pose != ANY_POSE) & np.isfinite(table.values).any(axis=1))
-    who = [data.pose[table.pose], table.sensor, table.marker, table.other]
-    columns = [*(one[told] for one in who), *np.nan_to_num(table.values[told]).T]
-    # Sums by weights without a common measure are equal only where all numbers are; column by
-    # column, as what a product of matrices rounds to depends on where a row stands.
-    keys = np.zeros(len(told))
-    for place, column in enumerate(columns):
-        keys += np.sqrt(2.0 + place) * column
-    if not (np.diff(np.sort(keys)) == 0.0).any():
-        return data
+    told = told[np.argsort(data.sample[table.pose[told]], kind="stable")]
     mirror = np.unique(table.mirror[told], return_inverse=True)[1].reshape(len(told))
-    keys += np.sqrt(2.0 + len(columns)) * mirror
-    rows = np.column_stack([*columns, mirror])
-    order = np.lexsort((data.sample[table.pose[told]], keys))
+    who = [data.pose[table.pose[told]], *(one[told] for one in (table.sensor, table.marker))]
+    numbers = [table.other[told], mirror, *np.nan_to_num(table.values[told]).T]
+    first, same = numbered_rows(np.column_stack([*who, *numbers]))
     again = np.zeros(len(table), dtype=bool)
-    again[told[order[1:]]] = (np.diff(rows[order], axis=0) == 0.0).all(axis=1)
+    again[told[first[same] != np.arange(len(told))]] = True
     if not again.any():
         return data
     samples = np.unique(data.sample[table.pose[again]])

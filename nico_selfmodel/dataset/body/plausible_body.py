@@ -54,10 +54,8 @@ def check_plausible_body(data: BodyDataset) -> None:
         _check_stated("'xyz' of markers", _from_middle(xyz))
     there = (table.pose != ANY_POSE) & np.isfinite(table.values).any(axis=1)
     pose = table.pose[there]
-    told = [
-        data.readings[pose],
-        np.asarray(data.flanges)[pose].reshape(len(pose), 6 * len(data.joints)),
-    ]
+    flanges = [i for i, joint in enumerate(data.joints) if joint.motion == FLANGE]
+    told = [data.readings[pose], *(np.asarray(data.flanges)[pose, i] for i in flanges)]
     seen = [table.values[there], table.sensor[there, None], table.marker[there, None]]
     refuse_copies(data.sample[pose], np.hstack([*told, *seen]), "observations.csv")
     for i, joint in enumerate(data.joints):

@@ -2,7 +2,8 @@
 
 Timing cannot tell them (`contingency`), geometry can: a mirror's image lies behind it, each of its
 points as far as the point itself is before it, and is turned round; a picture lies in its screen,
-whichever camera looks; and whoever imitates is somewhere else, and not turned round.
+whichever camera looks; and whoever imitates is somewhere else, and not turned round. Who stands
+turned round in the mirror image's place has joints that err otherwise (`shared_error`).
 """
 
 from dataclasses import dataclass
@@ -13,8 +14,13 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import DataError, EstimationError
+from nico_selfmodel.estimation.arm.evaluation import noise_at
+from nico_selfmodel.estimation.contingency.contingency import ODDS
+from nico_selfmodel.estimation.contingency.shared_error import shared_error
 from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
+from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
 from nico_selfmodel.geometry.plane import Plane
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.optimization.chi_square import chi_square_tail
 
@@ -49,6 +55,9 @@ class HandImages:
     """Left u, v, right u, v of the marker [px]. Shape (N, 4)."""
     mirrored: NDArray
     """Whether it was turned round, as a mirror does. Shape (N,)."""
+    own: NDArray
+    """Left u, v, right u, v of the own hand's marker in the same pictures; nan where it was not
+    seen in both [px]. Shape (N, 4)."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +76,9 @@ class ImageVerdict:
     """The same of the own hand: how deep a mirror's image or another's hand would be [mm]."""
     mirror_px: float
     """Mean error of the hand as the best mirror would show it; nan where none fits [px]."""
+    shared: float
+    """Logarithm of the odds that the image errs as the own hand does, against joints of its own;
+    nan where no mirror fits, or it is not known how much joints err."""
 
 
 def tell_image(seen: HandImages, model: SelfModel) -> ImageVerdict:
@@ -75,7 +87,7 @@ def tell_image(seen: HandImages, model: SelfModel) -> ImageVerdict:
     Points that both cameras see lie in a plane where the chi-square of their distances from it is
     no rarer than one in a thousand; then it is a picture, if the own hand did not move in a plane
     itself. Otherwise it is a mirror where the image is turned round and a mirror's plane explains
-    it; and another where it is not turned round.
+    it, unless it has joints of its own: who is that is another, as is who is not turned round.
 
     Raises:
         ModelError: If the model has no arm or no pair of cameras.
@@ -83,22 +95,22 @@ def tell_image(seen: HandImages, model: SelfModel) -> ImageVerdict:
     looks, turned = len(seen.pixels), int(np.sum(seen.mirrored))
     if looks < FEWEST:
         nan = float("nan")
-        return ImageVerdict(CANNOT_TELL, looks, nan, nan, nan, nan)
+        return ImageVerdict(CANNOT_TELL, looks, nan, nan, nan, nan, nan)
     off, sigma = _off_plane(seen, model)
     p_WH = model.points(model.servos.to_joint(seen.readings))
     hand = Plane.from_points(p_WH).distance_to(p_WH)
-    mirror_px = _mirror_error(seen, model) if turned == looks else float("nan")
+    mirror_px, shared = _by_mirror(seen, model) if turned == looks else (float("nan"),) * 2
     if chi_square_tail(float(np.sum((off / sigma) ** 2)), looks - 3) > _BY_CHANCE:
         deep = float(np.sum((hand / sigma) ** 2)) > _POWER
         verdict = PICTURE if deep else CANNOT_TELL
     elif mirror_px < _MOST_PX:
-        verdict = MIRROR
+        verdict = ANOTHER if shared < -np.log(ODDS) else MIRROR
     else:
         verdict = CANNOT_TELL if turned else ANOTHER
     depth, noise, own = (
         1e3 * float(np.sqrt(np.mean(np.square(each)))) for each in (off, sigma, hand)
     )
-    return ImageVerdict(verdict, looks, depth, noise, own, mirror_px)
+    return ImageVerdict(verdict, looks, depth, noise, own, mirror_px, shared)
 
 
 def _off_plane(seen: HandImages, model: SelfModel) -> tuple[NDArray, NDArray]:
@@ -110,9 +122,13 @@ def _off_plane(seen: HandImages, model: SelfModel) -> tuple[NDArray, NDArray]:
     return plane.distance_to(p), np.sqrt(variance)
 
 
-def _mirror_error(seen: HandImages, model: SelfModel) -> float:
-    """Return the mean error of the hand in the mirror that explains it best; nan if none [px]."""
-    count = len(seen.pixels)
+def _by_mirror(seen: HandImages, model: SelfModel) -> tuple[float, float]:
+    """Return the mean error of the hand in the mirror that explains it best, and what is shared.
+
+    Returns:
+        `ImageVerdict.mirror_px` and `shared`; nan where no mirror explains it.
+    """
+    count, nan = len(seen.pixels), float("nan")
     data = Dataset(
         _NAME,
         seen.joints,
@@ -124,6 +140,14 @@ def _mirror_error(seen: HandImages, model: SelfModel) -> float:
         image_size=model.rig.left.image_size,
     )
     try:
-        return calibrate_mirrors(data, model).train.pixel_statistics.mean
+        found = calibrate_mirrors(data, model)
     except (EstimationError, DataError):
-        return float("nan")
+        return nan, nan
+    error = found.train.pixel_statistics.mean
+    learned, noise = PoseNoise.of(model), noise_at(model, seen.readings, np.zeros(count, dtype=int))
+    if learned is None or noise is None:
+        return error, nan
+    of_joints = noise - learned.sensor_sigma**2 * np.eye(3)
+    p_WH = model.points(model.servos.to_joint(seen.readings))
+    rig = MirrorRig(model.rig, found.mirrors[_NAME])
+    return error, shared_error(seen.pixels, seen.own, p_WH, of_joints, rig, _PIXEL_SIGMA)

@@ -136,6 +136,7 @@ def _row(stage: ImageStage, shown: str) -> dict[str, Any]:
         "depth_sigma_mm": [one.found.depth_sigma_mm for one in own],
         "hand_mm": [one.found.hand_mm for one in own],
         "mirror_px": [one.found.mirror_px for one in own],
+        "shared_log_odds": [one.found.shared for one in own],
     }
 
 
@@ -143,7 +144,7 @@ def images_table(stage: ImageStage) -> Table:
     """Return a row for each kind of image."""
     headings = (
         "shown", "trials", "said", "wrong", "off a plane [mm]", "noise of it [mm]",
-        "own hand off one [mm]", "off the best mirror [px]",
+        "own hand off one [mm]", "off the best mirror [px]", "errs as the own hand [log odds]",
     )  # fmt: skip
     rows = [
         [
@@ -155,6 +156,7 @@ def images_table(stage: ImageStage) -> Table:
             _middle(row["depth_sigma_mm"]),
             _middle(row["hand_mm"]),
             _middle(row["mirror_px"]),
+            _middle(row["shared_log_odds"]),
         ]
         for row in images_document(stage)["images"]
     ]

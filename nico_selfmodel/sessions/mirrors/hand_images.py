@@ -46,7 +46,7 @@ def watch_images(
     put_mirror(station, body.context, X_BM)
     station.stand_other(body.context, X_WO)
     find = fiducials_in_mirror({_MARKER: FIDUCIALS["right"]}, {}, rig=model.rig)[_MARKER]
-    readings, pixels, mirrored = [], [], []
+    readings, pixels, mirrored, directly = [], [], [], []
     for k, command in enumerate(commands):
         if len(pixels) >= (enough if k < _POSES else FEWEST):
             break
@@ -59,15 +59,19 @@ def watch_images(
             one(picture, own[2 * i : 2 * i + 2])
             for i, (one, picture) in enumerate(zip(find, pictures, strict=True))
         ]
+        hand = np.full(4, np.nan)
         for turned in (False, True):
             left, right = (pair[int(turned)] for pair in both)
             if isinstance(left, NotSeen) or isinstance(right, NotSeen):
                 continue
             found = np.concatenate([left, right])
-            if turned or not np.abs(found - own).max() < _OWN:
-                readings.append(now)
-                pixels.append(found)
-                mirrored.append(turned)
+            if not turned and np.abs(found - own).max() < _OWN:
+                hand = found
+                continue
+            readings.append(now)
+            pixels.append(found)
+            mirrored.append(turned)
+            directly.append(hand)
     n = len(station.joints)
     return HandImages(
         station.joints,
@@ -75,4 +79,5 @@ def watch_images(
         np.reshape(readings, (-1, n)),
         np.reshape(pixels, (-1, 4)),
         np.array(mirrored, dtype=bool),
+        np.reshape(directly, (-1, 4)),
     )

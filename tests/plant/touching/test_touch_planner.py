@@ -119,6 +119,7 @@ def test_the_back_of_the_head_is_out_of_reach_and_the_reason_is_said(planner):
     assert "leaning" in found.reason
 
 
+@pytest.mark.slow
 def test_of_two_places_beyond_the_arm_the_farther_one_is_said_to_be_farther(planner):
     away = []
     for y in (0.5, 0.6):
@@ -149,6 +150,7 @@ def test_a_finger_that_must_not_lean_leaves_a_place_out_of_reach(planner, monkey
     assert isinstance(planned(planner, place), OutOfReach)
 
 
+@pytest.mark.slow
 def test_one_seed_is_one_way_and_nothing_of_it_can_be_written(planner):
     first, again = planned(planner), planned(planner)
     np.testing.assert_array_equal(first.readings, again.readings)
@@ -175,6 +177,7 @@ def test_a_known_posture_is_where_the_way_is_looked_for_first(planner, monkeypat
         planner.at_place("head", *FRONT, np.random.default_rng(9), near=[0.0, 1.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("asked", "tried"), [(0, 8), (1, 32)])
 def test_only_where_no_start_came_to_the_place_are_few_enough(planner, monkeypatch, asked, tried):
     """What a solver leaves of a way that it does not find may be anywhere, and tells nothing."""
@@ -210,6 +213,7 @@ def test_starts_bring_the_finger_near_to_the_place_and_hardly_lean_too_far(plann
     assert np.median(lean) < LEAN
 
 
+@pytest.mark.slow
 def test_places_move_with_a_body_that_stands_elsewhere(nico, planner):
     arm, model, held = nico
     X_WB = np.eye(4)
