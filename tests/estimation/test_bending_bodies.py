@@ -31,7 +31,7 @@ from .filmed_arms import eyes, filmed
 from .sagging_arms import SaggingArm, mean_mm
 from .sagging_humanoids import SaggingHumanoid
 from .simulated_bodies import CLEAN, scenario
-from .simulated_trees import one_arm
+from .simulated_trees import observed, one_arm
 from .test_bending_arms import arm_and_data
 
 
@@ -114,6 +114,21 @@ def test_a_rigid_body_stays_rigid(how):
     assert found.ladder.kept == ()
     assert found.tree.bending is None
     assert len(found.ladder.steps) >= 4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("coupled", [0.03, 0.0])
+def test_what_bends_in_one_joint_alone_is_not_taken_for_its_noise(coupled):
+    rng, made = np.random.default_rng((2, 3)), one_arm(2, joints=4, markers=2)
+    q, data = rng.uniform(-1.2, 1.2, size=(60, 4)), made.data
+    off = np.zeros_like(q)
+    off[:, 2] = coupled * q[:, 1] if coupled else 0.02 * rng.normal(size=60)
+    of = made.tree, data.joints, data.markers, data.sensors
+    quiet = {"joint_sigma": np.radians(0.01), "sigma": {"points": 2e-4}}
+    found = calibrate_tree(replace(observed(*of, q + off, rng, **quiet), readings=q))
+    assert 2 in found.solution.noise.loud
+    assert found.ladder.kept == (("coupling",) if coupled else ())
+    assert (found.solution.noise.joint[2] < np.radians(0.02)) == bool(coupled)
 
 
 @pytest.mark.slow

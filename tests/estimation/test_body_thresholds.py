@@ -19,7 +19,7 @@ from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree.contradictions.contradiction_words import misdescribed_words
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, severity_of
 from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed
-from nico_selfmodel.estimation.tree.contradictions.sensor_noise import sensor_misfits
+from nico_selfmodel.estimation.tree.contradictions.sensor_noise import fitted_away, sensor_misfits
 from nico_selfmodel.estimation.tree.contradictions.standing_still import (
     check_that_it_moved,
     dead_encoders,
@@ -133,6 +133,16 @@ def test_a_joint_much_farther_from_its_description_than_others_is_named(
 def test_a_sensor_that_measures_ten_times_better_than_stated_is_doubted(slider, times, asked):
     words = with_noise(slider, sensor=np.array([SIGMA / times]))
     assert ("is the unit of its sigma right?" in words) is asked
+
+
+@pytest.mark.parametrize(("left", "told"), [(3.9, False), (4.1, True)])
+def test_what_fitting_took_is_no_scatter_and_four_numbers_must_be_left_over(left, told):
+    # Six numbers, of which three parameters take 3 / (1 + w^2), held by three rows w of others.
+    w = np.sqrt(3.0 / (6.0 - left) - 1.0)
+    whitened = np.vstack([w * np.eye(3), np.eye(6, 3), np.zeros((2, 3))])
+    counts = np.ones(11, dtype=bool)
+    found = fitted_away(whitened, counts, slice(3, 9))
+    assert found == (pytest.approx(np.sqrt(6.0 / left)) if told else np.inf)
 
 
 @pytest.mark.parametrize(("share", "fails"), [(0.049, False), (0.051, True)])

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation.diagnosis.changes_in_time import Change
+from nico_selfmodel.estimation.diagnosis.lag_in_time import Steps, lag_taken_for_noise
+from nico_selfmodel.estimation.diagnosis.score_test import ScoreTest
 from nico_selfmodel.estimation.judging import judge, result_of
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE, WARNING
 from nico_selfmodel.estimation.tree.timing import late_sensors as module
@@ -91,6 +93,49 @@ def test_an_encoder_that_is_late_is_named_and_no_sensor(lag):
     assert found.late.what.startswith("the readings of 'j2' lag behind what was seen")
     assert found.late.what.count("about") == 1
     assert told(found.late.what) == pytest.approx(lag, rel=0.3)
+
+
+class OfOneJoint:
+    """Residuals of one number a sample, off by a joint's errors alone, which count as its noise."""
+
+    def __init__(self, errors):
+        self.residuals, self.by_angle = errors[:, None], np.ones((len(errors), 1, 1))
+        self.rows, self.whitened_residuals = np.arange(len(errors)), errors
+
+    def whitened(self, columns):
+        return columns[:, 0]
+
+
+@pytest.mark.parametrize(
+    ("lag", "side", "told"), [(0.02, 0.0, True), (0.002, 0.0, False), (0.0, 0.01, False)]
+)
+def test_errors_of_a_joint_read_worse_than_others_are_its_lag_where_no_place_or_side_is(
+    lag, side, told
+):
+    rng = np.random.default_rng(7)
+    q = path(rng, 1, smooth=True)
+    step = np.diff(q, axis=0, prepend=q[:1])
+    errors = (-lag * step + side * np.sign(step))[:, 0] + 1.2e-3 * rng.normal(size=POSES)
+    linear = OfOneJoint(errors)
+    test = ScoreTest(linear, np.ones((POSES, 1, 1)))
+    every = np.arange(POSES)
+    found = lag_taken_for_noise(Steps.of(every, q), test, "elbow", 0, errors, every)
+    assert (found is not None) is told
+    assert not told or found.what.startswith("the readings of 'elbow' l")
+
+
+@pytest.mark.slow
+def test_an_encoder_of_a_smooth_recording_is_late_though_its_noise_explains_it():
+    rng, made = np.random.default_rng(4), one_arm(4, joints=6, markers=3)
+    q, data = path(rng, 6, smooth=True), made.data
+    how = {"joint_sigma": np.radians(0.01), "sigma": SIGMA}
+    now = observed(made.tree, data.joints, data.markers, data.sensors, q, rng, **how)
+    readings = np.array(q)
+    readings[:, 3] = before(q, 0.05)[:, 3]
+    found = calibrate_tree(replace(now, readings=readings), effects=())
+    assert 3 in found.solution.noise.loud
+    assert found.late.what.startswith("the readings of 'j4' lag behind what was seen")
+    assert told(found.late.what) == pytest.approx(0.05, rel=0.2)
 
 
 @pytest.mark.parametrize(

@@ -132,6 +132,10 @@ class Bendable(Protocol):
         """About it."""
         ...
 
+    def quieter(self, noise: Any) -> Any | None:
+        """Return it were joints that are read worse than others read like these; None of none."""
+        ...
+
     @property
     def joints(self) -> tuple[str, ...]:
         """Names."""

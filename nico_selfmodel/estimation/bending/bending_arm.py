@@ -69,6 +69,9 @@ class BendingArm:
         assert self.solution.noise is not None
         return self.solution.noise
 
+    def quieter(self, noise: PoseNoise) -> None:
+        """Return nothing: joints of an arm are asked as loud as they are."""
+
     @property
     def joints(self) -> tuple[str, ...]:
         """Names."""

@@ -21,7 +21,13 @@ from nico_selfmodel.estimation.bending.effect_fit import (
     Glance,
     fit_effects,
 )
-from nico_selfmodel.estimation.bending.implausible import gear_fault, implausible, lifts, no_gear
+from nico_selfmodel.estimation.bending.implausible import (
+    TURNS,
+    gear_fault,
+    implausible,
+    lifts,
+    no_gear,
+)
 from nico_selfmodel.estimation.bending.steps import HIDDEN, STEPS, Step
 from nico_selfmodel.model.arm.bending import (
     BACKLASH,
@@ -44,6 +50,7 @@ _NOTHING = 1.0
 without it, below which it is asked no further: what explains nothing leaves the noise as it is."""
 _GEARS_DO = "gears that are a little off explain it better"
 _COUPLINGS_DO = "couplings explain it better"
+_FAR_TURNS_DO = "joints that turn farther than any bend explain it better"
 _PIVOTS = 1.0
 """Standard deviation of a bearing's place on its axis, as a part of the rms of loads: it may be
 anywhere on its link."""
@@ -74,6 +81,8 @@ class Climber:
         self.first: EffectFit | None = None
         self.fit: EffectFit | None = None
         self.glance: Glance | None = None
+        self.too_far = np.inf
+        """Least `EffectFit.evidence` of what turned joints too far to be a bend."""
 
     def climb(self, asked: Sequence[str]) -> list[Step]:
         """Try one effect after the other, and again those that others may have hidden.
@@ -107,7 +116,7 @@ class Climber:
             self.first = self._fitted((), self.still)
         before = self.first if self.fit is None else self.fit
         wanted = (*self.kept, effect)
-        if not self.kept:
+        if not self.kept and self.body.quieter(before.noise) is None:
             seen = self._at_a_glance(effect, before.noise)
             told = np.log(self._wide(before.noise).weighed.coordinates)
             if before.evidence - seen.evidence + told < _NOTHING:
@@ -125,8 +134,12 @@ class Climber:
                 gear = gear_fault(rival)
                 why = _GEARS_DO if gear is None else no_gear(gear)
                 step = replace(step, kept=False, reason=why, gear=gear)
-        if step.gear is not None and self._couplings_do():
+        if step.gear is not None and after.evidence > self.too_far:
+            step = replace(step, reason=_FAR_TURNS_DO, gear=None)
+        elif step.gear is not None and self._couplings_do():
             step = replace(step, reason=_COUPLINGS_DO, gear=None)
+        if step.reason == TURNS:
+            self.too_far = min(self.too_far, after.evidence)
         if step.kept:
             assert after.parameters.bending is not None
             self.kept = wanted

@@ -146,8 +146,12 @@ def fit_effects(
         noise: Where the search for it begins.
     """
     task = _Task.of(body, parameters, groups, beforehand)
-    weighed = body.weighed(parameters, task.free, noise)
-    fits = [task.at_its_noise(weighed, *told) for told in task.starts(Sums.of(weighed), begin)]
+    weighed, quieter = body.weighed(parameters, task.free, noise), body.quieter(noise)
+    # A joint that is read worse than others may be so by what the effect explains.
+    both = [weighed] if quieter is None else [weighed, weighed.with_noise(quieter)]
+    fits = [
+        task.at_its_noise(one, *told) for one in both for told in task.starts(Sums.of(one), begin)
+    ]
     return task.whole(min(fits, key=lambda fit: fit.evidence))
 
 

@@ -101,8 +101,21 @@ def lag_in_time(
     Returns:
         The lags, or None where there is none.
     """
+    found = _found(steps, test, seen, joints, granted=granted)
+    return _change(found, test, list(seen)) if found else None
+
+
+def _found(
+    steps: Steps,
+    test: ScoreTest[Weighed],
+    seen: Mapping[str, NDArray],
+    joints: Mapping[str, int],
+    *,
+    granted: bool,
+) -> list[_Suspect]:
+    """Return what lags, what explains most first; nothing where too little was recorded."""
     if steps.samples < FEWEST_VISITS:
-        return None
+        return []
     by_angle = test.linear.by_angle
     suspects, found = list(_suspects(steps, by_angle, seen, joints)), list[_Suspect]()
     columns, patterns = np.concatenate([one.column for one in suspects], axis=2), None
@@ -120,10 +133,58 @@ def lag_in_time(
             break
         gain = beside.one_by_one(columns)[0]
         found.append(suspects[int(np.argmax(np.where(late, gain, 0.0)))])
-    if not found:
-        return None
+    return found
+
+
+def lag_taken_for_noise(
+    steps: Steps, test: ScoreTest[Weighed], joint: str, j: int, shown: NDArray, rows: NDArray
+) -> Change | None:
+    """Find whether errors of a joint that is read worse than others are those of another moment.
+
+    A joint may be as noisy as it likes: beside noise that a lag made, the lag gains little.
+
+    Args:
+        steps: How joints moved about each row.
+        test: Residuals at the solution.
+        joint: Name of the joint.
+        j: Its column.
+        shown: How far it was from its readings, by sample that shows it [rad or m]. Shape (M,).
+        rows: A row of each such sample. Shape (M,).
+
+    Returns:
+        The lag, or None where there is none.
+    """
+    at = steps.at(rows)
+    own = Steps(at.place[:, [j]], at.since[:, [j]], at.until[:, [j]], len(rows))
+    by_angle = np.ones((len(rows), 1, 1))
+    # What no recording tells apart from where the joint's zero is, and from its gear.
+    fitted = np.concatenate([by_angle, own.place[:, None]], axis=2)
+    errors = ScoreTest(_Errors(shown[:, None], by_angle, np.arange(len(rows))), fitted)
+    found = _found(own, errors, {}, {joint: 0}, granted=True)
+    of_all = _suspects(steps, test.linear.by_angle, {}, {joint: j})
+    late = [one for one in of_all if any(lag.lags == one.lags for lag in found)]
+    return _change(late, test, []) if late else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Errors:
+    """See `diagnosis.score_test.Weighed`: errors of one joint, all as uncertain."""
+
+    residuals: NDArray
+    by_angle: NDArray
+    rows: NDArray
+
+    @property
+    def whitened_residuals(self) -> NDArray:
+        return self.residuals[:, 0]
+
+    def whitened(self, columns: NDArray) -> NDArray:
+        return columns[:, 0]
+
+
+def _change(found: list[_Suspect], test: ScoreTest[Weighed], seen: list[str]) -> Change:
     score = test.of(np.concatenate([one.column for one in found], axis=2), of_moved=True)
-    return Change(_words(found, score.values, list(seen)), score.improvement)
+    return Change(_words(found, score.values, seen), score.improvement)
 
 
 def _late(test: ScoreTest[Weighed], columns: NDArray, sure: float) -> NDArray:

@@ -94,6 +94,14 @@ class BendingTree:
             noise if self.seen is self.solution.problem.observations else replace(noise, alike=())
         )
 
+    def quieter(self, noise: TreeNoise) -> TreeNoise | None:
+        """Return the same were joints that are read worse than others read like these."""
+        joint, motion = noise.joint.copy(), self.seen.joint_groups()
+        for k in noise.loud:
+            alike = [n for n in np.flatnonzero(motion == motion[k]) if n not in noise.loud]
+            joint[k] = np.median(noise.joint[alike]) if alike else joint[k]
+        return replace(noise, joint=joint) if (joint != noise.joint).any() else None
+
     @property
     def joints(self) -> tuple[str, ...]:
         """Names."""

@@ -1,6 +1,7 @@
 """Noise of sensors and joints that is none, or far less than was stated."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,8 @@ _MISFIT = 5.0
 """Times the stated sigma of a sensor beyond which the body does not explain what it measured."""
 _LOOSE = 10.0
 """Times less than the stated sigma from which on that is doubted."""
+_LEFT_OVER = 4.0
+"""Numbers that fitting must have left over to tell: noise of four looks so once in 5,000."""
 LARGEST_TURN_NOISE = np.radians(15.0)
 """Noise of turns above this is none [rad]."""
 _ADVICE = (
@@ -32,42 +35,81 @@ CHECK_TOUCHES = (
 def sensor_misfits(calibration: TreeCalibration) -> list[str]:
     """Say which sensors' residuals are far beyond the noise that they are said to have."""
     return [
-        f"what sensor {name!r} measured is off by {found}, it is "
+        f"what sensor {one.name!r} measured is off by {one.length(one.off)}, it is "
         + (
-            f"said to be sure to {sigma}: {_ADVICE}"
-            if stated
-            else f"taken to be sure to {sigma}: {CHECK_TOUCHES}, or state its `sigma_m`"
+            f"said to be sure to {one.length(one.sigma)}: {_ADVICE}"
+            if one.stated
+            else f"taken to be sure to {one.length(one.sigma)}: {CHECK_TOUCHES}, or state its "
+            "`sigma_m`"
         )
-        for name, found, sigma, ratio, stated in _beside_sigmas(calibration)
-        if ratio > _MISFIT
+        for one in _beside_sigmas(calibration)
+        if one.off > _MISFIT * one.sigma
     ]
 
 
 def loose_sigmas(calibration: TreeCalibration) -> list[str]:
     """Say which sensors measure far better than they are said to."""
     return [
-        f"what sensor {name!r} measured scatters by {found}, it is said to be sure to {sigma}: is "
-        "the unit of its sigma right?"
-        for name, found, sigma, ratio, stated in _beside_sigmas(calibration)
-        if stated and ratio * _LOOSE < 1.0
+        f"what sensor {one.name!r} measured scatters by {one.length(one.scatter)}, it is said to "
+        f"be sure to {one.length(one.sigma)}: is the unit of its sigma right?"
+        for one in _beside_sigmas(calibration)
+        if one.stated and one.scatter * _LOOSE < one.sigma
     ]
 
 
-def _beside_sigmas(calibration: TreeCalibration) -> Iterator[tuple[str, str, str, float, bool]]:
-    """Yield name, noise found, noise stated or taken, their ratio, and whether it is stated."""
+@dataclass(frozen=True)
+class _BesideSigma:
+    """What a sensor leaves, beside the noise that it is said or taken to have [m, rad or px]."""
+
+    name: str
+    off: float
+    """What is left of what it measured, root mean square."""
+    scatter: float
+    """That with what fitting took of it; inf where too little is left over to tell."""
+    sigma: float
+    stated: bool
+    in_pixels: bool
+
+    def length(self, value: float) -> str:
+        return f"{value:.3g} px" if self.in_pixels else f"{1e3 * value:.3g} mm"
+
+
+def _beside_sigmas(calibration: TreeCalibration) -> Iterator[_BesideSigma]:
+    """Yield what sensors leave whose noise is stated, or taken for known."""
     solution, seen = calibration.solution, calibration.train.observations
     for rows in seen.sensors if solution.variances_known else ():
         info, group = calibration.data.sensors[rows.sensor], seen.noise_group[rows.first]
         held = bool(seen.sigma_held[group])
         if info.sigma is None and not held:
             continue
-        sigma = FIRST_SIGMA[rows.kind] if info.sigma is None else info.sigma
-        found = float(solution.noise.sensor[group])
+        sigma, stated = info.sigma, info.sigma is not None
+        off = scatter = float(solution.noise.sensor[group])
         if held:  # nobody asked what it is
-            found *= _rms(solution.white_by_scalar(seen)[rows.scalars])
-        unit, scale = ("px", 1.0) if rows.kind == CAMERA else ("mm", 1e3)
-        off, taken = (f"{scale * one:.3g} {unit}" for one in (found, sigma))
-        yield info.name, off, taken, found / sigma, info.sigma is not None
+            white = solution.white_by_scalar(seen)
+            off *= _rms(white[rows.scalars])
+            counts = np.isfinite(white)
+            scatter = (
+                off * fitted_away(solution.whitened, counts, rows.scalars) if stated else np.inf
+            )
+        sigma = FIRST_SIGMA[rows.kind] if sigma is None else sigma
+        yield _BesideSigma(info.name, off, scatter, sigma, stated, rows.kind == CAMERA)
+
+
+def fitted_away(whitened: NDArray, counts: NDArray, scalars: slice) -> float:
+    """Return by how much fitting made the residuals of a sensor smaller; inf where it left too few.
+
+    Of n numbers with derivatives A, n - tr A (J'J)^-1 A' are left over.
+
+    Args:
+        whitened: Derivatives J of what counts by what was fitted, priors last. Shape (k, free).
+        counts: Which numbers count. Boolean, shape (R,).
+        scalars: The sensor's own.
+    """
+    first, n = int(counts[: scalars.start].sum()), int(counts[scalars].sum())
+    J = whitened / np.maximum(np.linalg.norm(whitened, axis=0), np.finfo(float).tiny)
+    A = J[first : first + n]
+    left = n - np.sum(A @ np.linalg.pinv(J.T @ J, rcond=1e-12, hermitian=True) * A)
+    return float(np.sqrt(n / left)) if left >= _LEFT_OVER else np.inf
 
 
 def _rms(white: NDArray) -> float:

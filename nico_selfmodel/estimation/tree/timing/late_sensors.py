@@ -9,7 +9,11 @@ from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import SIGHTS
 from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.estimation.diagnosis.changes_in_time import Change
-from nico_selfmodel.estimation.diagnosis.lag_in_time import Steps, lag_in_time
+from nico_selfmodel.estimation.diagnosis.lag_in_time import (
+    Steps,
+    lag_in_time,
+    lag_taken_for_noise,
+)
 from nico_selfmodel.estimation.diagnosis.score_test import ScoreTest
 from nico_selfmodel.estimation.tree.forward.joint_errors import MOST_SLIPS
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
@@ -58,7 +62,17 @@ def late_sensors(
         for k, (i, _) in enumerate(seen.noisy_joints)
         if joints[i].motion not in WHOLE_POSES
     }
-    return lag_in_time(steps, test, told, alone, granted=not bends)
+    late = lag_in_time(steps, test, told, alone, granted=not bends)
+    if late is not None or solution.joint_errors is None:
+        return late
+    first = np.full(len(seen.data.sample), -1)
+    first[seen.sample[::-1]] = np.arange(seen.scalars)[::-1]
+    for name, k in alone.items():
+        shown = np.flatnonzero((solution.joint_errors[:, k] != 0.0) & (first >= 0))
+        if k in solution.noise.loud and late is None:
+            errors = solution.joint_errors[shown, k]
+            late = lag_taken_for_noise(steps, test, name, k, errors, first[shown])
+    return late
 
 
 def explained_by_lag(start: TreeStart, data: BodyDataset) -> bool:
