@@ -132,6 +132,20 @@ def test_what_bends_in_one_joint_alone_is_not_taken_for_its_noise(coupled):
 
 
 @pytest.mark.slow
+def test_a_disc_far_out_of_centre_is_no_gear_and_lets_nothing_bend():
+    rng, made = np.random.default_rng((3, 3)), one_arm(3, joints=4, markers=2)
+    q, data = rng.uniform(-1.2, 1.2, size=(60, 4)), made.data
+    off = np.zeros_like(q)
+    off[:, 2] = 0.1 * np.sin(q[:, 2] + 1.0)
+    of = made.tree, data.joints, data.markers, data.sensors
+    quiet = {"joint_sigma": np.radians(0.01), "sigma": {"points": 2e-4}}
+    found = calibrate_tree(replace(observed(*of, q + off, rng, **quiet), readings=q))
+    assert 2 in found.solution.noise.loud
+    assert not found.ladder.adopted
+    assert not found.ladder.doubtful_gears
+
+
+@pytest.mark.slow
 def test_what_bends_is_not_asked_of_poses_that_all_are_outliers():
     found = calibrate_tree(one_arm(1, poses=20).data, effects=None)
     residuals = TreeResiduals(found.train.observations, found.parameters)

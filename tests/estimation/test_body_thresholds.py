@@ -10,7 +10,13 @@ from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import SensorInfo
 from nico_selfmodel.errors import DataError, NotConvergedError
 from nico_selfmodel.estimation.bending.bendable import GEAR
-from nico_selfmodel.estimation.bending.implausible import COUPLES, LIFTS, gear_fault, implausible
+from nico_selfmodel.estimation.bending.implausible import (
+    COUPLES,
+    LIFTS,
+    TILTS,
+    gear_fault,
+    implausible,
+)
 from nico_selfmodel.estimation.diagnosis.flatness import Flatness, flatness_by
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.model_verdict import judge_body_errors
@@ -32,7 +38,7 @@ from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_findings import described_words
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_setup import DESCRIBED, Wishes
-from nico_selfmodel.model.arm.bending import COUPLING, SAG
+from nico_selfmodel.model.arm.bending import BEARING, COUPLING, SAG
 from nico_selfmodel.model.tree.body_model import BodyModel
 
 from .simulated_trees import observed, one_arm
@@ -417,6 +423,16 @@ def test_what_couples_by_a_tenth_or_lifts_by_two_sigmas_is_no_bend(effect, numbe
     assert implausible(*bent(effect, number)) == why
 
 
+@pytest.mark.parametrize(("degrees", "why"), [(2.9, ""), (3.1, TILTS)])
+def test_a_bearing_that_tilts_by_three_degrees_is_no_bend(degrees, why):
+    fit, body = bent(SAG, 0.0)
+    bending = fit.parameters.with_values(None).bending
+    bending.effects, bending.bearing_sag = (BEARING,), np.array([np.radians(degrees)])
+    # Moments about x that differ from their mean by 1 N m.
+    body.moments = lambda bent: np.array([[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]])
+    assert implausible(fit, body) == why
+
+
 @pytest.mark.parametrize(("told", "warns"), [(9.9, True), (10.1, False)])
 def test_ten_told_places_say_how_far_a_description_is_off(told, warns):
     names = tuple(f"j{i}.x" for i in range(20))
@@ -443,3 +459,17 @@ def test_a_flange_that_is_five_centimetres_off_contradicts(flange, place, fails)
     assert (
         "poses of flange 'tcp' would have to be off" in with_noise(flange, joint=joint)
     ) is fails
+
+
+@pytest.mark.parametrize(("row", "others", "said"), [(7, 1, False), (8, 1, True), (8, 8, False)])
+def test_an_encoder_stands_in_between_from_eight_samples_in_a_row_where_no_other_does(
+    row, others, said
+):
+    data = one_arm(3, joints=3, poses=30).data
+    readings = data.readings.copy()
+    readings[5 : 5 + row, 1] = readings[5, 1]
+    readings[15 : 15 + others, 2] = readings[15, 2]
+    words = dead_encoders(replace(data, readings=readings), data.joint_names)
+    assert words.startswith("the encoder of 'j2' stands at ") is said
+    assert not said or f"from sample 5 to {4 + row} while others move" in words
+    assert not dead_encoders(replace(data, readings=readings), ["j1"])

@@ -9,7 +9,10 @@ import pytest
 
 from nico_selfmodel.dataset.body.body_dataset import ObservationTable
 from nico_selfmodel.estimation.diagnosis.changes_in_time import NOTABLE, Change
+from nico_selfmodel.estimation.diagnosis.jump_taken_for_noise import jump_taken_for_noise
 from nico_selfmodel.estimation.judging import judge, result_of
+from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE
+from nico_selfmodel.estimation.tree import tree_findings
 from nico_selfmodel.estimation.tree.timing import moved_meanwhile as module
 from nico_selfmodel.estimation.tree.timing.moved_meanwhile import (
     LEAST_RATIO,
@@ -175,3 +178,37 @@ def test_slips_that_begin_with_more_than_half_of_the_samples_are_a_change(fifths
     kept = module._now_and_then(problem, SimpleNamespace(slipped=slipped))
     assert kept.any() == at_all_times
     assert not (kept & ~slipped).any()
+
+
+@pytest.mark.parametrize(
+    ("jump", "side", "told"), [(4e-3, 0.0, True), (2e-3, 0.0, False), (0.0, 0.01, False)]
+)
+def test_errors_of_a_joint_read_worse_than_others_are_its_jump_where_no_side_is(jump, side, told):
+    rng, every = np.random.default_rng(7), np.arange(50)
+    q = rng.uniform(-1.2, 1.2, 50)
+    errors = 1.2e-3 * rng.normal(size=50) + jump * (every > 30)
+    errors += side * np.sign(np.diff(q, prepend=q[0]))
+    found = jump_taken_for_noise(errors, q, every)
+    assert (found is not None) is told
+    assert not told or (abs(found.last - 30) <= 2 and found.size == pytest.approx(jump, rel=0.3))
+
+
+@pytest.mark.parametrize(("ratio", "kind"), [(1.49, FAILURE), (1.51, CAUSE)])
+def test_what_moved_is_the_cause_of_all_else_where_it_explains_a_third(monkeypatch, ratio, kind):
+    moved = Change("the encoder of 'j3' jumped", ratio)
+    monkeypatch.setattr(tree_findings, "moved_meanwhile", lambda problem, solution: moved)
+    found = tree_findings.tree_findings(calibrate_tree(one_arm(2, joints=3).data, effects=()))
+    assert [one.severity for one in found if "jumped" in one.text] == [kind]
+
+
+@pytest.mark.slow
+def test_a_jump_in_a_smooth_recording_is_named_though_its_joints_noise_explains_it():
+    rng, made = np.random.default_rng(4), one_arm(4, joints=6, markers=1)
+    data, waves = made.data, np.arange(60)[:, None] / rng.uniform(8.0, 30.0, 6)
+    q = 1.2 * np.sin(2.0 * np.pi * (waves + rng.uniform(size=6)))
+    off = np.zeros_like(q)
+    off[35:, 1] = 0.02
+    how = {"joint_sigma": np.radians(0.01), "sigma": {"points": 2e-4}}
+    seen = observed(made.tree, data.joints, data.markers, data.sensors, q + off, rng, **how)
+    verdict = judge(calibrate_tree(replace(seen, readings=q)))
+    assert verdict.reasons[0].startswith("the encoder of 'j2' jumped by about 1.2 deg after")

@@ -87,7 +87,7 @@ class Climber:
     def climb(self, asked: Sequence[str]) -> list[Step]:
         """Try one effect after the other, and again those that others may have hidden.
 
-        A gear that contradicts its unit is a fault, no bend.
+        A gear that contradicts its unit is a fault, no bend, and so is what turns joints farther.
         """
         steps: dict[str, Step] = {}
         beside: dict[str, tuple[str, ...]] = {}
@@ -98,7 +98,7 @@ class Climber:
                 continue
             beside[effect] = self.kept
             steps[effect] = self.try_step(effect)
-            if steps[effect].gear is not None:
+            if steps[effect].gear is not None or steps[effect].reason == _FAR_TURNS_DO:
                 self.kept = ()
                 why = steps[effect].reason
                 return [replace(step, kept=False, reason=why) for step in steps.values()]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from nico_selfmodel.estimation.bending.bendable import GEAR, Bendable
+from nico_selfmodel.estimation.bending.bendable import GEAR, Bendable, Posture
 from nico_selfmodel.estimation.bending.effect_fit import EffectFit
 from nico_selfmodel.estimation.diagnosis.gear_check import DoubtfulGear
 from nico_selfmodel.model.arm.bending import BEARING, COUPLING, SAG
@@ -16,6 +16,8 @@ NOT_ASKED = (
 """Why an effect that the user named was not tried."""
 TURNS = "joints would turn by more than 3 deg: that is no bend"
 """Why what turns joints too far goes."""
+TILTS = "bearings would tilt by more than 3 deg: that is no bend"
+"""The same of what gives way across joints."""
 COUPLES = "a joint would turn by more than a tenth of another's angle: check their readings"
 """Why a coupling that is too strong goes."""
 _LARGEST_COUPLING = 0.1
@@ -46,7 +48,16 @@ def implausible(fit: EffectFit, body: Bendable) -> str:
         rest = (effect for effect in bending.effects if effect != COUPLING)
         bent = bent.with_bending(bending.with_effects(*rest))
     turns = body.turns(bent)
-    return TURNS if np.abs(turns - turns.mean(axis=0)).max() > _LARGEST else ""
+    if np.abs(turns - turns.mean(axis=0)).max() > _LARGEST:
+        return TURNS
+    return TILTS if BEARING in bending.effects and _tilt(bent, body) > _LARGEST else ""
+
+
+def _tilt(bent: Posture, body: Bendable) -> float:
+    """Return by how much bearings tilt at most, about where they stand on the whole [rad]."""
+    assert bent.bending is not None
+    tilts = body.moments(bent)[:, :, :2] * bent.bending.bearing_sag[:, None, None]
+    return float(np.linalg.norm(tilts - tilts.mean(axis=1, keepdims=True), axis=2).max())
 
 
 def lifts(fit: EffectFit, body: Bendable) -> bool:

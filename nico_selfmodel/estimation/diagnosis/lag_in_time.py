@@ -15,9 +15,10 @@ from nico_selfmodel.estimation.diagnosis.changes_in_time import (
     FEWEST_VISITS,
     Change,
 )
+from nico_selfmodel.estimation.diagnosis.errors_of_joint import errors_beside_a_line
 from nico_selfmodel.estimation.diagnosis.score_test import ScoreTest, Weighed
 
-_SURE, _BESIDE = 28.4, 15.1
+SURE, BESIDE = 28.4, 15.1
 """Chi square of one number that chance exceeds once in 1e7, `LARGEST_CHANCE`, and once in 1e4: of a
 lag, and of a lag beside all that tells nothing of time."""
 _LEAST_REDUNDANCY = 15
@@ -122,13 +123,13 @@ def _found(
     while len(found) <= len(seen):
         known = [one.column for one in found]
         plain = test.beside(np.concatenate(known, axis=2)) if known else test
-        late = _late(plain, columns, _SURE)
+        late = _late(plain, columns, SURE)
         if not late.any():
             break
         if patterns is None:
             patterns = _patterns(steps, by_angle) if granted else by_angle[:, :, :0]
         beside = plain.beside(patterns)
-        late &= _late(beside, columns, _BESIDE)
+        late &= _late(beside, columns, BESIDE)
         if beside.redundancy < _LEAST_REDUNDANCY or not late.any():
             break
         gain = beside.one_by_one(columns)[0]
@@ -141,7 +142,7 @@ def lag_taken_for_noise(
 ) -> Change | None:
     """Find whether errors of a joint that is read worse than others are those of another moment.
 
-    A joint may be as noisy as it likes: beside noise that a lag made, the lag gains little.
+    See `diagnosis.errors_of_joint`.
 
     Args:
         steps: How joints moved about each row.
@@ -156,30 +157,11 @@ def lag_taken_for_noise(
     """
     at = steps.at(rows)
     own = Steps(at.place[:, [j]], at.since[:, [j]], at.until[:, [j]], len(rows))
-    by_angle = np.ones((len(rows), 1, 1))
-    # What no recording tells apart from where the joint's zero is, and from its gear.
-    fitted = np.concatenate([by_angle, own.place[:, None]], axis=2)
-    errors = ScoreTest(_Errors(shown[:, None], by_angle, np.arange(len(rows))), fitted)
+    errors = errors_beside_a_line(shown, own.place)
     found = _found(own, errors, {}, {joint: 0}, granted=True)
     of_all = _suspects(steps, test.linear.by_angle, {}, {joint: j})
     late = [one for one in of_all if any(lag.lags == one.lags for lag in found)]
     return _change(late, test, []) if late else None
-
-
-@dataclass(frozen=True, eq=False)
-class _Errors:
-    """See `diagnosis.score_test.Weighed`: errors of one joint, all as uncertain."""
-
-    residuals: NDArray
-    by_angle: NDArray
-    rows: NDArray
-
-    @property
-    def whitened_residuals(self) -> NDArray:
-        return self.residuals[:, 0]
-
-    def whitened(self, columns: NDArray) -> NDArray:
-        return columns[:, 0]
 
 
 def _change(found: list[_Suspect], test: ScoreTest[Weighed], seen: list[str]) -> Change:
@@ -187,15 +169,21 @@ def _change(found: list[_Suspect], test: ScoreTest[Weighed], seen: list[str]) ->
     return Change(_words(found, score.values, seen), score.improvement)
 
 
-def _late(test: ScoreTest[Weighed], columns: NDArray, sure: float) -> NDArray:
-    """Return which columns are likelier than that, the right way round. Shape (m,).
+def likelier(test: ScoreTest[Weighed], columns: NDArray) -> tuple[NDArray, NDArray]:
+    """Return by how much columns make residuals likelier, and their numbers. Shapes (m,).
 
-    Of N numbers left a lag explains the part R^2; twice the logarithm of its likelihood, with the
-    noise that it leaves, is -N log(1 - R^2). Of few numbers a score is N R^2 at most.
+    Of N numbers left a column explains the part R^2; twice the logarithm of its likelihood, with
+    the noise that it leaves, is -N log(1 - R^2). Of few numbers a score is N R^2 at most.
     """
     gain, values = test.one_by_one(columns)
     part = np.minimum(gain / test.redundancy, 1.0 - 1e-12)
-    return (-test.redundancy * np.log1p(-part) > sure) & (values > 0.0)
+    return -test.redundancy * np.log1p(-part), values
+
+
+def _late(test: ScoreTest[Weighed], columns: NDArray, sure: float) -> NDArray:
+    """Return which columns are likelier than that, the right way round. Shape (m,)."""
+    gain, values = likelier(test, columns)
+    return (gain > sure) & (values > 0.0)
 
 
 def _patterns(steps: Steps, by_angle: NDArray) -> NDArray:

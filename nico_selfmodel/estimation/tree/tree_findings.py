@@ -97,13 +97,15 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
         *([change.warning] if change is not None and change.warning else []),
     ]
     changed = [change.reason] if change is not None and change.reason else []
+    cause = change is not None and change.explains
     return (
         *_late_findings(calibration.late),
+        *findings(CAUSE, changed if cause else []),
         *contradiction_findings(calibration),
         *findings(
             MISFIT, [*_noise_reasons(calibration), *sensor_misfits(calibration), *unexplained]
         ),
-        *findings(FAILURE, changed),
+        *findings(FAILURE, [] if cause else changed),
         *findings(FAILURE, bent_reasons(calibration.flatness)),
         *findings(FAILURE, gear_words(gears)),
         *findings(LAST, missed_touches(calibration)),

@@ -24,6 +24,7 @@ from nico_selfmodel.estimation.diagnosis.changes_in_time import (
     mixed_in_time,
     verb,
 )
+from nico_selfmodel.estimation.diagnosis.jump_taken_for_noise import jump_taken_for_noise
 from nico_selfmodel.estimation.diagnosis.score_sums import CourseFound, Left, ScoreSums
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, TURNS
@@ -71,7 +72,38 @@ def moved_meanwhile(problem: TreeProblem, solution: TreeSolution) -> Change | No
         return mixed_in_time(data.si_readings, found.course[spans])
 
     change = likeliest_change(sums, groups, mixed)
+    if change is not None and change.explains:
+        return change
+    change = _jumped(problem, solution, linear) or change
     return None if change is None or change.ratio < LEAST_RATIO else change
+
+
+def _jumped(problem: TreeProblem, solution: TreeSolution, linear: TreeLinear) -> Change | None:
+    """Find a jump of an encoder whose joint is read worse than others, its noise aside."""
+    seen, data = problem.observations, problem.observations.data
+    order, of_all = np.argsort(data.sample), solution.joint_errors
+    if of_all is None:
+        return None
+    for k in sorted(solution.noise.loud):
+        i, slides = (
+            seen.noisy_joints[k][0],
+            data.joints[seen.noisy_joints[k][0]].motion == PRISMATIC,
+        )
+        at = order[of_all[order, k] != 0.0]
+        q, errors = data.si_readings[at, i], of_all[at, k]
+        jump = jump_taken_for_noise(errors, q, data.sample[at])
+        if jump is None:
+            continue
+        course = (data.sample > jump.last).astype(float)
+        moved = linear.by_joint[:, k] * (jump.size * (course - course.mean()))[seen.sample]
+        own = linear.by_joint[:, k] != 0.0
+        before, after = (
+            np.abs(r / problem.scale)[own].mean() for r in (linear.r, linear.r + moved)
+        )
+        what = encoder_words(data.joints[i].name, slides)(np.array([jump.size]), False)
+        told = mixed_in_time(data.si_readings, course)
+        return Change(f"{what} after sample {jump.last}", before / after, told)
+    return None
 
 
 def _order(problem: TreeProblem) -> tuple[NDArray, NDArray]:
