@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,7 +23,11 @@ APPROACH = 0.030
 LEAN = np.radians(60.0)
 """Largest angle between the finger and the way into the surface [rad]."""
 CLEAR = 0.005
-"""Least distance of the arm from the body, the finger excepted [m]."""
+"""Least distance of the arm from the body in a posture, the finger excepted [m]."""
+CLEAR_AS_DRAWN = 0.003
+"""Least distance on a whole way by all that is drawn; what was seen is learned to 2 mm [m]."""
+_BETWEEN = 5
+"""Postures on the way from one to the next at which that is looked at."""
 _AWAY = (APPROACH, 0.02, 0.01, 0.0)
 """Distances from the place on the way to it [m]."""
 _NEAR, _SLACK = 1e-4, 1e-3
@@ -152,6 +157,7 @@ class TouchPlanner:
         """
         self._X_WB = frozen_array(np.eye(4) if X_WB is None else X_WB, (4, 4), "X_WB")
         self._posed = PosedArm(arm, model, finger, held, shape, self._X_WB)
+        self._as_drawn = self._posed.as_drawn()
         reach = np.stack([arm.lower, arm.upper])
         if limits is not None:
             stops = frozen_array(limits, reach.shape, "limits")
@@ -314,18 +320,20 @@ class TouchPlanner:
     def _told(self, way: NDArray, place: _Place) -> "Touch | _Lacking":
         """Return a way with its readings, and what the model predicts of them."""
         posed = self._posed
-        readings, ends, clear = [], [], []
+        readings, ends = [], []
         lean = 0.0
         for q in way:
             readings.append(self._commands(q))
             posed.read(readings[-1])
             p_WE, pointing = posed.finger_end()
             ends.append(p_WE - posed.finger.radius * place.n_W)
-            clear.append(posed.clearance()[0])
             lean = _angle(pointing, -place.n_W)
         if (off := np.linalg.norm(ends[-1] - place.p_WM)) > 10.0 * _NEAR:
             return _Lacking(3, 0.0, f"the arm bends, the finger stays {1e3 * off:.0f} mm away")
-        return Touch(read_only(way), read_only(readings), read_only(ends), min(clear), float(lean))
+        clear, links = self._as_drawn.clearance_on(between(np.array(readings), _BETWEEN))
+        if clear < CLEAR_AS_DRAWN:
+            return _Lacking(3, 0.0, f"{links} come {1e3 * max(clear, 0.0):.1f} mm near on the way")
+        return Touch(read_only(way), read_only(readings), read_only(ends), clear, float(lean))
 
     def _commands(self, q: NDArray) -> NDArray:
         """Return readings at which the arm's joints stand so, bent by its own weight. (n,)."""
@@ -334,6 +342,20 @@ class TouchPlanner:
             for _ in range(_LOADED_ROUNDS):
                 told = q - (model.posture(told).q - told)
         return model.servos.to_encoder(told)
+
+
+def between(way: NDArray, count: int) -> NDArray:
+    """Return rows of a way with others evenly between them, so many steps from each to the next.
+
+    Args:
+        way: Shape (N, n).
+        count: Steps, 1 or more.
+
+    Returns:
+        Shape ((N - 1) count + 1, n).
+    """
+    share = np.linspace(0.0, 1.0, count, endpoint=False)[:, None]
+    return np.vstack([*(a + share * (b - a) for a, b in pairwise(way)), way[-1]])
 
 
 def _angle(a: NDArray, b: NDArray) -> float:
