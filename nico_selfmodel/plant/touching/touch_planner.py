@@ -24,10 +24,8 @@ LEAN = np.radians(60.0)
 """Largest angle between the finger and the way into the surface [rad]."""
 CLEAR = 0.005
 """Least distance of the arm from the body in a posture, the finger excepted [m]."""
-CLEAR_AS_DRAWN = 0.003
-"""Least distance on a whole way by all that is drawn; what was seen is learned to 2 mm [m]."""
 _BETWEEN = 5
-"""Postures on the way from one to the next at which that is looked at."""
+"""Postures on the way from one to the next at which that is asked of the body as it is drawn."""
 _AWAY = (APPROACH, 0.02, 0.01, 0.0)
 """Distances from the place on the way to it [m]."""
 _NEAR, _SLACK = 1e-4, 1e-3
@@ -120,7 +118,8 @@ class TouchPlanner:
     and of these, for the last, the q nearest to the middle of the joints' ranges, and then those
     nearest to the posture before. So it touches at p whatever it leans. Several starts are tried,
     the middle and, of postures drawn at random, those that bring the finger nearest to place and
-    direction; the first whole way counts. How the arm comes to where the way begins is not planned.
+    direction; the first whole way counts that is as far from the body as it is drawn, between these
+    postures, too. How the arm comes to where the way begins is not planned.
     """
 
     def __init__(
@@ -147,8 +146,7 @@ class TouchPlanner:
                 description's: these are angles, and where a learned joint has its zero is free
                 where the shape of the links makes up for it. Shape (2, n).
             shape: What the robot has learned of the surfaces of its links: the arm keeps off what
-                was seen of them, too. Of what was never seen, and without a shape, the
-                description's collision shapes count alone.
+                was seen of them beside what the description has.
 
         Raises:
             ModelError: If the model has other joints, the link is no finger of that arm, the shape
@@ -331,7 +329,7 @@ class TouchPlanner:
         if (off := np.linalg.norm(ends[-1] - place.p_WM)) > 10.0 * _NEAR:
             return _Lacking(3, 0.0, f"the arm bends, the finger stays {1e3 * off:.0f} mm away")
         clear, links = self._as_drawn.clearance_on(between(np.array(readings), _BETWEEN))
-        if clear < CLEAR_AS_DRAWN:
+        if clear < CLEAR:
             return _Lacking(3, 0.0, f"{links} come {1e3 * max(clear, 0.0):.1f} mm near on the way")
         return Touch(read_only(way), read_only(readings), read_only(ends), clear, float(lean))
 

@@ -12,7 +12,6 @@ from nico_selfmodel.plant.touching.posed_arm import PosedArm
 from nico_selfmodel.plant.touching.touch_planner import (
     APPROACH,
     CLEAR,
-    CLEAR_AS_DRAWN,
     LEAN,
     OutOfReach,
     Touch,
@@ -90,16 +89,19 @@ def test_nothing_but_the_finger_comes_near_on_the_way(nico, planner):
     for readings in touch.readings:
         posed.read(readings)
         assert posed.clearance()[0] >= CLEAR - 1e-3
-    assert touch.clearance >= CLEAR_AS_DRAWN
+    assert touch.clearance >= CLEAR
 
 
-def test_a_way_that_comes_too_near_to_what_is_drawn_is_none(planner, monkeypatch):
-    touch = planned(planner)
-    monkeypatch.setattr(touch_planner, "CLEAR_AS_DRAWN", touch.clearance - 1e-6)
-    np.testing.assert_array_equal(planned(planner).readings, touch.readings)
-    monkeypatch.setattr(touch_planner, "CLEAR_AS_DRAWN", touch.clearance + 1e-6)
-    again = planned(planner)
-    assert isinstance(again, OutOfReach) or not np.allclose(again.readings, touch.readings)
+@pytest.mark.parametrize("away", [-1e-5, 1e-5])
+def test_a_way_that_comes_too_near_to_what_is_drawn_is_none(planner, monkeypatch, away):
+    near = CLEAR + away, "chest and right_hand"
+    monkeypatch.setattr(planner._as_drawn, "clearance_on", lambda readings: near)
+    found = planned(planner)
+    assert isinstance(found, Touch) == (away > 0.0)
+    if isinstance(found, OutOfReach):
+        assert found.reason == "chest and right_hand come 5.0 mm near on the way"
+    else:
+        assert found.clearance == near[0]
 
 
 def test_a_body_as_it_is_drawn_is_nearer_than_its_collision_shapes(nico):
