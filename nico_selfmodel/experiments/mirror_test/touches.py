@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from nico_selfmodel.experiments.mirror_test.painting import DIAMETER, MARK
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.shape.link_shape import BodyShape
 from nico_selfmodel.plant.touching.posed_arm import PosedArm
-from nico_selfmodel.plant.touching.touch_planner import OutOfReach, Touch, TouchPlanner
+from nico_selfmodel.plant.touching.touch_planner import OutOfReach, Touch, TouchPlanner, between
 from nico_selfmodel.sessions.mirrors.acquaintance import rendered
 from nico_selfmodel.sessions.mirrors.knowing import LINKS, Knowing
 from nico_selfmodel.sessions.progress import Stage, of_robot
@@ -96,7 +95,7 @@ class TouchJudge:
         model, held = self._truth.model(), self._truth.held
         stops = self.stops
         self._planner = TouchPlanner(nico.arm, model, FINGER, held=held, limits=stops)
-        self._posed = PosedArm(nico.arm, model, FINGER, held)
+        self._posed = PosedArm(nico.arm, model, FINGER, held).as_drawn()
 
     @property
     def stops(self) -> NDArray:
@@ -127,10 +126,8 @@ class TouchJudge:
         q = np.array(
             [mechanics.angles(mechanics.dragged(mechanics.reached(r)), rng) for r in plan.readings]
         )
-        share = np.linspace(0.0, 1.0, _BETWEEN, endpoint=False)[:, None]
-        way = np.vstack([*(a + share * (b - a) for a, b in pairwise(q)), q[-1]])
         near = []
-        for posture in way:
+        for posture in between(q, _BETWEEN):
             posed.pose(posture)
             near.append(posed.clearance())
         X_LF = posed.link_pose(mark.link)

@@ -1,12 +1,22 @@
 """An arm beside the body that carries it: where its finger ends, how far the rest stays away."""
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydrake.geometry import Capsule, CollisionFilterDeclaration, GeometrySet, Role, SceneGraph
+from pydrake.geometry import (
+    Capsule,
+    CollisionFilterDeclaration,
+    GeometryInstance,
+    GeometrySet,
+    ProximityProperties,
+    Role,
+    SceneGraph,
+    Sphere,
+)
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import DiagramBuilder
@@ -18,9 +28,10 @@ from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.shape.link_shape import BodyShape
 from nico_selfmodel.names import listed
 from nico_selfmodel.plant.description import ArmDescription
+from nico_selfmodel.plant.kinematic_tree import rigid
 from nico_selfmodel.plant.link_surfaces import LinkSurface, link_surfaces
 from nico_selfmodel.plant.self_model_plant import SelfModelPlant
-from nico_selfmodel.plant.touching.learned_body import add_balls, seen_balls
+from nico_selfmodel.plant.touching.learned_body import seen_balls
 
 _FAR = 0.1
 """Distance from which on nobody asks how far it is [m]."""
@@ -45,9 +56,9 @@ class PosedArm:
 
     The arm stands as a self-model has it, in the model's world W; all else as the description has
     it, but for joints that are said to stand elsewhere. What was seen of the body counts beside
-    that (`seen_balls`), where it was learned. The finger, and the link next to the body, which
-    always touches it, do not count as near; nor does the arm to itself, whose joints' limits keep
-    it apart.
+    that (`seen_balls`), where it was learned; what is drawn of arm and body only as they are in
+    `as_drawn`. The finger, and the link next to the body, which always touches it, do not count as
+    near; nor does the arm to itself, whose joints' limits keep it apart.
     """
 
     def __init__(
@@ -84,11 +95,38 @@ class PosedArm:
         self.surfaces: dict[str, LinkSurface] = link_surfaces(scene, self._built)
         """Link -> its surface, where that is made of simple solids."""
         self._diagram = builder.Build()
+        self._held = dict(held or {})
+        self._shape, self._X_WB = shape, np.eye(4) if X_WB is None else X_WB
+        self._stand(drawn=False)
+
+    def as_drawn(self) -> "PosedArm":
+        """Return the same arm, posed by itself, beside the body as it is drawn.
+
+        Collision shapes lie up to 8 mm below what is drawn of a body, and leave out hair and cases.
+        Distances of so many shapes take several times as long.
+        """
+        other = copy(self)
+        other._stand(drawn=True)
+        return other
+
+    def _stand(self, *, drawn: bool) -> None:
+        """Make a context in which held joints stand where they do, and collide what shall."""
         self._root = self._diagram.CreateDefaultContext()
         self._own = self._built.own_context(self._root)
-        if held:
-            self._built.move_joints(self._own, held, list(held.values()))
-        self._filter(self._seen(shape, np.eye(4) if X_WB is None else X_WB) if shape else [])
+        if self._held:
+            self._built.move_joints(self._own, self._held, list(self._held.values()))
+        bodies = [self.plant.get_body(k) for k in self.plant.GetBodyIndices(self._built.instance)]
+        own: dict[str, list[Any]] = {}
+        for body in bodies:
+            own[body.name()] = self.plant.GetCollisionGeometriesForBody(body)
+            if drawn and body.name() not in self.moving:
+                own[body.name()] += self._drawn(body)
+        if self._shape is not None:
+            self._shape.check_links(own)
+            for body in bodies:
+                if body.name() in self._shape.links and body.name() not in self.moving:
+                    own[body.name()] += self._seen(body, self._shape)
+        self._filter(own)
 
     @property
     def plant(self) -> MultibodyPlant:
@@ -153,43 +191,69 @@ class PosedArm:
         links = [self.plant.GetBodyFromFrameId(frame).name() for frame in frames]
         return float(nearest.distance), " and ".join(sorted(links))
 
+    def clearance_on(self, readings: NDArray) -> tuple[float, str]:
+        """Return the least `clearance` of postures, and between which links.
+
+        Args:
+            readings: Of the encoders in each [encoder units]. Shape (N, n).
+        """
+        near = []
+        for one in readings:
+            self.read(one)
+            near.append(self.clearance())
+        return min(near)
+
     def _moved(self) -> list[str]:
         """Return the names of the links that the arm moves."""
         joint = self.plant.GetJointByName(self.arm.joints[0], self._built.instance)
         found = self.plant.GetBodiesKinematicallyAffectedBy([joint.index()])
         return [self.plant.get_body(index).name() for index in found]
 
-    def _seen(self, shape: BodyShape, X_WB: NDArray) -> list[Any]:
-        """Let collide what was seen of links that the arm does not move; return the shapes' ids."""
-        bodies = [self.plant.get_body(k) for k in self.plant.GetBodyIndices(self._built.instance)]
-        shape.check_links([body.name() for body in bodies])
-        own = self._scene.GetMyMutableContextFromRoot(self._root)
+    def _seen(self, body: Any, shape: BodyShape) -> list[Any]:
+        """Let collide what was seen of a link, and return the ids of these shapes."""
+        balls = [(ball.X_FS, Sphere(ball.size[0])) for ball in seen_balls(shape.links[body.name()])]
+        return self._add(body, "seen", balls)
+
+    def _drawn(self, body: Any) -> list[Any]:
+        """Let collide what is drawn of a link, if that is simple; return the ids of its shapes."""
+        if body.name() not in self.surfaces:
+            return []
+        inspector = self._scene.model_inspector()
+        ids = inspector.GetGeometries(self.surfaces[body.name()].frame, Role.kPerception)
+        shapes = [
+            (inspector.GetPoseInFrame(one).GetAsMatrix4(), inspector.GetShape(one)) for one in ids
+        ]
+        return self._add(body, "drawn", shapes)
+
+    def _add(self, body: Any, name: str, shapes: list[tuple[NDArray, Any]]) -> list[Any]:
+        """Let shapes collide as parts of a link, in this context only; return their ids.
+
+        Those of the body stand where the robot found that it stands, of where the arm has it.
+        """
+        frame, source = self.plant.GetBodyFrameIdOrThrow(body.index()), self.plant.get_source_id()
+        context = self._scene.GetMyMutableContextFromRoot(self._root)
+        X_FG = np.eye(4)
+        if body.name() not in self.moving:
+            X_WF = self.link_pose(body.name())
+            X_FG = inverse(X_WF) @ self._X_WB @ X_WF
         found = []
-        for body in bodies:
-            if body.name() in shape.links and body.name() not in self.moving:
-                X_WF = self.link_pose(body.name())
-                found += add_balls(
-                    self._scene, own, self.plant.get_source_id(),
-                    self.plant.GetBodyFrameIdOrThrow(body.index()),
-                    seen_balls(shape.links[body.name()]), inverse(X_WF) @ X_WB @ X_WF,
-                )  # fmt: skip
+        for k, (X_GS, shape) in enumerate(shapes):
+            one = GeometryInstance(rigid(X_FG @ X_GS), shape, f"{name}_{k}")
+            one.set_proximity_properties(ProximityProperties())
+            found.append(self._scene.RegisterGeometry(context, source, frame, one))
         return found
 
-    def _filter(self, seen: list[Any]) -> None:
+    def _filter(self, own: dict[str, list[Any]]) -> None:
         """Let distances between arm and body be measured, and no others.
 
         Args:
-            seen: Shapes that count as parts of the body.
+            own: Link -> ids of all its shapes.
         """
-        plant, instance = self.plant, self._built.instance
-        own: dict[str, list[Any]] = {}
-        for index in plant.GetBodyIndices(instance):
-            body = plant.get_body(index)
-            own[body.name()] = plant.GetCollisionGeometriesForBody(body)
+        instance = self._built.instance
         first = self.plant.GetJointByName(self.arm.joints[0], instance).child_body().name()
         near = {first, self.finger.link}
         moving = GeometrySet([g for k in sorted(self.moving - near) for g in own[k]])
-        still = GeometrySet([g for k, v in own.items() if k not in self.moving for g in v] + seen)
+        still = GeometrySet([g for k, v in own.items() if k not in self.moving for g in v])
         left_out = GeometrySet([g for k in sorted(near) for g in own[k]])
         manager = self._scene.collision_filter_manager(
             self._scene.GetMyMutableContextFromRoot(self._root)

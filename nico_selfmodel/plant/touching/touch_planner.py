@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,7 +23,9 @@ APPROACH = 0.030
 LEAN = np.radians(60.0)
 """Largest angle between the finger and the way into the surface [rad]."""
 CLEAR = 0.005
-"""Least distance of the arm from the body, the finger excepted [m]."""
+"""Least distance of the arm from the body in a posture, the finger excepted [m]."""
+_BETWEEN = 5
+"""Postures on the way from one to the next at which that is asked of the body as it is drawn."""
 _AWAY = (APPROACH, 0.02, 0.01, 0.0)
 """Distances from the place on the way to it [m]."""
 _NEAR, _SLACK = 1e-4, 1e-3
@@ -115,7 +118,8 @@ class TouchPlanner:
     and of these, for the last, the q nearest to the middle of the joints' ranges, and then those
     nearest to the posture before. So it touches at p whatever it leans. Several starts are tried,
     the middle and, of postures drawn at random, those that bring the finger nearest to place and
-    direction; the first whole way counts. How the arm comes to where the way begins is not planned.
+    direction; the first whole way counts that is as far from the body as it is drawn, between these
+    postures, too. How the arm comes to where the way begins is not planned.
     """
 
     def __init__(
@@ -142,8 +146,7 @@ class TouchPlanner:
                 description's: these are angles, and where a learned joint has its zero is free
                 where the shape of the links makes up for it. Shape (2, n).
             shape: What the robot has learned of the surfaces of its links: the arm keeps off what
-                was seen of them, too. Of what was never seen, and without a shape, the
-                description's collision shapes count alone.
+                was seen of them beside what the description has.
 
         Raises:
             ModelError: If the model has other joints, the link is no finger of that arm, the shape
@@ -152,6 +155,7 @@ class TouchPlanner:
         """
         self._X_WB = frozen_array(np.eye(4) if X_WB is None else X_WB, (4, 4), "X_WB")
         self._posed = PosedArm(arm, model, finger, held, shape, self._X_WB)
+        self._as_drawn = self._posed.as_drawn()
         reach = np.stack([arm.lower, arm.upper])
         if limits is not None:
             stops = frozen_array(limits, reach.shape, "limits")
@@ -314,18 +318,20 @@ class TouchPlanner:
     def _told(self, way: NDArray, place: _Place) -> "Touch | _Lacking":
         """Return a way with its readings, and what the model predicts of them."""
         posed = self._posed
-        readings, ends, clear = [], [], []
+        readings, ends = [], []
         lean = 0.0
         for q in way:
             readings.append(self._commands(q))
             posed.read(readings[-1])
             p_WE, pointing = posed.finger_end()
             ends.append(p_WE - posed.finger.radius * place.n_W)
-            clear.append(posed.clearance()[0])
             lean = _angle(pointing, -place.n_W)
         if (off := np.linalg.norm(ends[-1] - place.p_WM)) > 10.0 * _NEAR:
             return _Lacking(3, 0.0, f"the arm bends, the finger stays {1e3 * off:.0f} mm away")
-        return Touch(read_only(way), read_only(readings), read_only(ends), min(clear), float(lean))
+        clear, links = self._as_drawn.clearance_on(between(np.array(readings), _BETWEEN))
+        if clear < CLEAR:
+            return _Lacking(3, 0.0, f"{links} come {1e3 * max(clear, 0.0):.1f} mm near on the way")
+        return Touch(read_only(way), read_only(readings), read_only(ends), clear, float(lean))
 
     def _commands(self, q: NDArray) -> NDArray:
         """Return readings at which the arm's joints stand so, bent by its own weight. (n,)."""
@@ -334,6 +340,20 @@ class TouchPlanner:
             for _ in range(_LOADED_ROUNDS):
                 told = q - (model.posture(told).q - told)
         return model.servos.to_encoder(told)
+
+
+def between(way: NDArray, count: int) -> NDArray:
+    """Return rows of a way with others evenly between them, so many steps from each to the next.
+
+    Args:
+        way: Shape (N, n).
+        count: Steps, 1 or more.
+
+    Returns:
+        Shape ((N - 1) count + 1, n).
+    """
+    share = np.linspace(0.0, 1.0, count, endpoint=False)[:, None]
+    return np.vstack([*(a + share * (b - a) for a, b in pairwise(way)), way[-1]])
 
 
 def _angle(a: NDArray, b: NDArray) -> float:
