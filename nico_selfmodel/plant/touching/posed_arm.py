@@ -56,9 +56,9 @@ class PosedArm:
 
     The arm stands as a self-model has it, in the model's world W; all else as the description has
     it, but for joints that are said to stand elsewhere. What was seen of the body counts beside
-    that (`seen_balls`), where it was learned; what is drawn of arm and body only as they are in
-    `as_drawn`. The finger, and the link next to the body, which always touches it, do not count as
-    near; nor does the arm to itself, whose joints' limits keep it apart.
+    that (`seen_balls`), where it was learned, and in `as_drawn` what is drawn of it. The finger and
+    the link next to the body, which always touches it, do not count as near; nor does the arm to
+    itself, whose joints' limits keep it apart.
     """
 
     def __init__(
@@ -228,14 +228,12 @@ class PosedArm:
     def _add(self, body: Any, name: str, shapes: list[tuple[NDArray, Any]]) -> list[Any]:
         """Let shapes collide as parts of a link, in this context only; return their ids.
 
-        Those of the body stand where the robot found that it stands, of where the arm has it.
+        They stand where the robot found that its body stands, of where the arm has it.
         """
         frame, source = self.plant.GetBodyFrameIdOrThrow(body.index()), self.plant.get_source_id()
         context = self._scene.GetMyMutableContextFromRoot(self._root)
-        X_FG = np.eye(4)
-        if body.name() not in self.moving:
-            X_WF = self.link_pose(body.name())
-            X_FG = inverse(X_WF) @ self._X_WB @ X_WF
+        X_WF = self.link_pose(body.name())
+        X_FG = inverse(X_WF) @ self._X_WB @ X_WF
         found = []
         for k, (X_GS, shape) in enumerate(shapes):
             one = GeometryInstance(rigid(X_FG @ X_GS), shape, f"{name}_{k}")
