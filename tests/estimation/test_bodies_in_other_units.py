@@ -1,5 +1,6 @@
 """Joints of a body that are read as others than stated are named, by learning it mended."""
 
+import re
 from contextlib import nullcontext
 from dataclasses import replace
 
@@ -97,7 +98,7 @@ def test_an_encoder_that_stands_still_from_a_sample_on_is_named(first, stands):
     readings = data.readings.copy()
     readings[first:, 1] = readings[first, 1] if stands else readings[first:, 1][::-1]
     reasons = judge(calibrate_tree(replace(data, readings=readings), effects=())).reasons
-    assert any("of which the encoder of j2 stands at" in reason for reason in reasons) is stands
+    assert any(re.search("the encoder of '?j2'? stands at", one) for one in reasons) is stands
 
 
 @pytest.mark.slow
