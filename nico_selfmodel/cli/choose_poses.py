@@ -37,7 +37,7 @@ def choose_poses(
     from nico_selfmodel.files.whole import refuse_existing, write_whole
     from nico_selfmodel.model.tree.body_model import is_body
 
-    refuse_existing(out, force=force)
+    refuse_existing(out, force=force, inputs=[model, dataset])
     choose = _of_a_body if is_body(model) else _of_an_arm
     rng = np.random.default_rng(seed)
     joints, chosen = choose(model, dataset, count, rng, criterion=criterion, marker=marker)
@@ -50,14 +50,23 @@ def choose_poses(
         sigmas = {f"sigma_before_{unit}": before, f"sigma_after_{unit}": after}
         printer.as_json({"poses": chosen.readings.tolist(), **sigmas})
         return
-    cameras = ["--cameras", model] if pixels else []
-    words = [*cameras, "--poses", out, "--out", inputs.beside(out, "recorded")]
     printer.line(
         f"{count} poses: {out}\n"
         f"reducible error of the predicted marker{' in the images' if pixels else ''}, rms: now "
         f"{before:.3g} {unit}, with these poses {after:.3g} {unit}\n"
-        f"next  nico-selfmodel record {shlex.join(map(str, words))}"
+        f"next  {_next(joints, out, model if pixels else None)}"
     )
+
+
+def _next(joints: tuple[str, ...], poses: Path, cameras: Path | None) -> str:
+    """Return what is to be done next: the commands themselves move no robot but Nico."""
+    from nico_selfmodel.systems.looking import ARM_JOINTS, HEAD_JOINTS
+
+    if not {*HEAD_JOINTS, *ARM_JOINTS["left"], *ARM_JOINTS["right"]}.issuperset(joints):
+        return "move the robot there, record, and calibrate by that and what was recorded before"
+    words = [] if cameras is None else ["--cameras", cameras]
+    words += ["--poses", poses, "--out", inputs.beside(poses, "recorded")]
+    return f"nico-selfmodel record {shlex.join(map(str, words))}"
 
 
 def _warn_of_another(model: Path, dataset: Path) -> None:

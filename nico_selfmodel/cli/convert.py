@@ -20,7 +20,7 @@ def convert(
     from nico_selfmodel.files.whole import refuse_existing
     from nico_selfmodel.model.self_model_file import load_model
 
-    refuse_existing(out, force=force)
+    refuse_existing(out, force=force, inputs=[dataset, cameras])
     rig = None if cameras is None else load_model(cameras).rig
     lenses = None if rig is None else {"left": rig.left, "right": rig.right}
     data = body_dataset_of(load_dataset(dataset), lenses)

@@ -17,7 +17,7 @@ def export_urdf(model: options.Model, out: options.OutFile, force: options.Force
     from nico_selfmodel.plant.export.shape_urdf import ShapeInUrdf
     from nico_selfmodel.plant.export.urdf_export import masses_words
 
-    refuse_existing(out, force=force)
+    refuse_existing(out, force=force, inputs=[model])
     learned, seen = load_model(model), shape_beside(model)
     robot = ArmDescription.of_model(learned)
     shape = None if seen is None else ShapeInUrdf.beside(out, seen)

@@ -20,7 +20,7 @@ def from_csv(
     from nico_selfmodel.dataset.importers.csv_importer import import_csv
     from nico_selfmodel.files.whole import refuse_existing
 
-    refuse_existing(out, force=force)
+    refuse_existing(out, force=force, inputs=[table, columns])
     name = name or inputs.name_after(out)
     data = import_csv(table, columns, name=name)
     save_dataset(data, out, force=force)

@@ -24,7 +24,7 @@ def from_lerobot(
     from nico_selfmodel.servos.arm.servo_config_file import save_servo_config
     from nico_selfmodel.servos.makes import make_named
 
-    refuse_existing(out, force=force)
+    refuse_existing(out, force=force, inputs=[calibration])
     name = inputs.name_after(out)
     config = import_lerobot(calibration, make_named(make), name, max_velocity=math.radians(speed))
     save_servo_config(config, out)

@@ -35,7 +35,7 @@ def from_vicon(
     from nico_selfmodel.dataset.importers.vicon_importer import import_vicon
     from nico_selfmodel.files.whole import refuse_existing
 
-    refuse_existing(out, force=force)
+    refuse_existing(out, force=force, inputs=[trajectories, encoders])
     if encoder_unit == "counts" and counts_per_turn is None:
         raise ValueError("--encoder-unit counts, the default, needs --counts-per-turn")
     name = name or inputs.name_after(out)

@@ -22,7 +22,7 @@ def join(
     from nico_selfmodel.dataset.body.joining import all_joined
     from nico_selfmodel.files.whole import refuse_existing
 
-    refuse_existing(out, force=force)
+    refuse_existing(out, force=force, inputs=datasets)
     recordings = [load_body_dataset(folder) for folder in datasets]
     data = all_joined(recordings, out.name)
     save_body_dataset(data, out, force=force)

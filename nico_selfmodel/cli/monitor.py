@@ -54,7 +54,8 @@ def monitor(
     known, data = load_model(model), load_dataset(dataset)
     report = check_health(known, data, sensor)
     document = health_document(report, left_by_cause(known, data, report, sensor))
-    out = _tell(known.name, document, model, dataset, out, as_json=as_json)
+    whole = report.changed_at == 0
+    out = _tell(known.name, document, model, dataset, out, whole=whole, as_json=as_json)
     cause = report.diagnoses[0].hypothesis
     update = relearn_cause(known, data, report, sensor)
     evaluation = evaluate_update(known, update, since_change(known, data, report), sensor)
@@ -92,8 +93,8 @@ def _monitor_body(
     known, data = load_body(model), load_body_dataset(dataset)
     report = check_body_health(known, data)
     left = left_by_cause(known, data, report)
-    document = health_document(report, left)
-    out = _tell(known.name, document, model, dataset, out, as_json=as_json)
+    document, whole = health_document(report, left), report.changed_at == 0
+    out = _tell(known.name, document, model, dataset, out, whole=whole, as_json=as_json)
     relearned = any_body.write_update(relearn_body(known, data, report), Output(out, force))
     _end(known.name, relearned, out, as_json=as_json)
 
@@ -112,6 +113,7 @@ def _tell(
     dataset: Path,
     out: Path | None,
     *,
+    whole: bool,
     as_json: bool,
 ) -> Path:
     """Print what a health report says, with the command that learns each cause anew.
@@ -122,7 +124,7 @@ def _tell(
         Where what changed shall be written; where nothing shall be, the command ends.
     """
     for cause in document["causes"] if document["explained"] else ():
-        cause["command"] = remedy(cause["parameters"], model, dataset)
+        cause["command"] = remedy(cause["parameters"], model, dataset, whole=whole)
     if as_json:
         printer.as_json(document)
     else:
@@ -132,17 +134,24 @@ def _tell(
     return out
 
 
-def remedy(parameters: Sequence[str], model: Path, dataset: Path) -> str:
-    """Return the command that learns anew what changed, and nothing else."""
+def remedy(parameters: Sequence[str], model: Path, dataset: Path, *, whole: bool = True) -> str:
+    """Return the command that learns anew what changed, and nothing else.
+
+    Args:
+        parameters: What changed.
+        model: The body as it was.
+        dataset: The recording in which it changed.
+        whole: Whether it had changed before the first pose. Where it changed later only `--relearn`
+            leaves out what was seen before.
+    """
     owners = {name.rpartition(".")[0] for name in parameters}
     owner = owners.pop() if len(owners) == 1 else ""
-    if list(parameters) == [f"{owner}.theta_offset"]:
+    words = ["monitor", model, dataset, "--relearn"]
+    if whole and list(parameters) == [f"{owner}.theta_offset"]:
         words = ["rezero", model, dataset, "--joint", owner]
-    elif owner.startswith("hand."):
+    elif whole and owner.startswith("hand."):
         marker = owner.removeprefix("hand.")
         words = ["calibrate", "tool", dataset, "--model", model, "--tool", marker]
-    else:
-        words = ["monitor", model, dataset, "--relearn"]
     return shlex.join(
         map(str, ["nico-selfmodel", *words, "--out", inputs.beside(dataset, "relearned")])
     )

@@ -29,7 +29,6 @@ def pick_color(
 
     You click on them in a window, or name them with --at. The thresholds are a YAML.
     """
-    from nico_selfmodel.files.reading import real_path
     from nico_selfmodel.files.whole import refuse_existing
     from nico_selfmodel.vision.color.color_blob import color_mask, find_color_blob
     from nico_selfmodel.vision.color.color_model import ColorModel
@@ -37,9 +36,7 @@ def pick_color(
     from nico_selfmodel.vision.images.not_seen import NotSeen
 
     for path in filter(None, (out, mask)):
-        refuse_existing(path, force=force)
-        if real_path(path) == real_path(image):
-            raise ValueError(f"{path} is the photograph: choose another name")
+        refuse_existing(path, force=force, inputs=[image])
     photograph = read_image(image)
     if at:
         points = [_pixel(text) for text in at]

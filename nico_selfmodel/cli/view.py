@@ -37,7 +37,7 @@ def view(
 
     scene = _scene_with_shape(result)
     if out is not None:
-        refuse_existing(out, force=force)
+        refuse_existing(out, force=force, inputs=[result])
         write_whole(out, static_html(scene))
         printer.line(f"{out}")
         return

@@ -50,6 +50,8 @@ def write_bytes_whole(path: str | Path, content: bytes) -> None:
     path = Path(path)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path} cannot be written: {path.parent} is not a folder")
+    if path.is_dir():
+        raise IsADirectoryError(f"{path} is a folder, a file is to be made: choose another name")
     recover(path)
     with _temporary(path, _NEW, folder=False) as temporary:
         temporary.write_bytes(content)
@@ -234,14 +236,11 @@ def refuse_folder(
         OSError: If the nearest folder above it that exists cannot be written to.
     """
     path = Path(path)
-    refuse_existing(path, force=force)
+    refuse_existing(path, force=force, inputs=inputs)
     if not path.exists():
         return
     if not path.is_dir():
         raise FileExistsError(f"{path} is a file, a folder is to be made: choose another name")
-    for source in (real_path(source) for source in inputs if source is not None):
-        if real_path(path) in (source, *source.parents):
-            raise FileExistsError(f"{path} holds {source}, which is read: choose another name")
     if any(path.iterdir()) and not (path / RESULT_FILE).is_file():
         raise FileExistsError(
             f"{path} holds something that is not a result ({RESULT_FILE}); it is not replaced: "
@@ -249,15 +248,18 @@ def refuse_folder(
         )
 
 
-def refuse_existing(path: str | Path, *, force: bool = False) -> None:
+def refuse_existing(
+    path: str | Path, *, force: bool = False, inputs: Iterable[str | Path | None] = ()
+) -> None:
     """Refuse to write over something, or where nothing can be written, before any work is done.
 
     Args:
         path: The file or folder about to be made.
         force: Allow it to be replaced.
+        inputs: Files and folders that the work reads: it must not be one, nor hold one.
 
     Raises:
-        FileExistsError: If it exists and `force` is not set.
+        FileExistsError: If it exists and `force` is not set, or it is or holds an input.
         OSError: If the nearest folder above it that exists cannot be written to.
         ValueError: If a name is too long, or not UTF-8.
     """
@@ -265,6 +267,10 @@ def refuse_existing(path: str | Path, *, force: bool = False) -> None:
     _check_length(path)
     if path.exists() and not force:
         raise FileExistsError(f"{path} exists already: choose another name or add --force")
+    for source in (real_path(source) for source in inputs if source is not None):
+        if path.exists() and real_path(path) in (source, *source.parents):
+            which = "is read" if real_path(path) == source else f"holds {source}, which is read"
+            raise FileExistsError(f"{path} {which}: choose another name")
     above = path.absolute().parent
     while not above.exists() and above != above.parent:
         above = above.parent

@@ -110,6 +110,15 @@ def test_a_recording_on_disk_is_the_recording(folder, tmp_path):
     assert np.array_equal(again.observations.pose, data.observations.pose)
 
 
+def test_chosen_poses_are_not_handed_to_a_command_that_moves_another_robot(
+    learned, folder, tmp_path, command
+):
+    words = ("choose-poses", learned[0], folder / "two_arms", "--count", 1)
+    done = command(*words, "--out", tmp_path / "poses.csv")
+    assert done.returncode == 0, done.stderr
+    assert "next  move the robot there" in done.stdout
+
+
 def test_hand_eye_of_a_real_arm_is_where_its_joints_say_as_surely_as_it_says(folder, command):
     done = command(
         "calibrate", "hand-eye", folder / "flange", "--test-fraction", "0.3", "--out", folder / "he"
@@ -123,6 +132,9 @@ def test_hand_eye_of_a_real_arm_is_where_its_joints_say_as_surely_as_it_says(fol
     by_joints, its_sigma = np.array([59.0, -74.3, 39.7]), np.array([0.4, 0.3, 0.9])
     assert (np.abs(place - by_joints) < 3.0 * np.hypot(sigma, its_sigma)).all()
     assert max(sigma) < 2.0
+    lost = command("rezero", folder / "he", folder / "flange", "--out", folder / "rezeroed")
+    assert lost.returncode == 2
+    assert "the body has no joint with an encoder of its own, and so no zero" in lost.stderr
 
 
 def test_the_commands_of_the_document_are_those_that_are_tested(project_root):
@@ -381,3 +393,13 @@ def test_what_exists_is_not_converted_over(folder, project_root, command):
     done = command("convert", data, "--out", folder / "flange")
     assert done.returncode == 2
     assert "exists already" in done.stderr
+
+
+def test_a_recording_is_not_written_over_itself(folder, command):
+    flange = folder / "flange"
+    before = {path.name: path.read_bytes() for path in flange.iterdir()}
+    for words in (("join", flange, "--out", flange), ("convert", flange, "--out", flange)):
+        done = command(*words, "--force")
+        assert done.returncode == 2
+        assert done.stderr.endswith("flange is read: choose another name\n")
+    assert {path.name: path.read_bytes() for path in flange.iterdir()} == before

@@ -231,7 +231,7 @@ def test_force_never_deletes_the_data_it_reads_or_a_folder_of_something_else(
     data = tmp_path / "data"
     shutil.copytree(recorded[0], data)
     done = command("calibrate", "kinematics", data, "--out", data, "--force")
-    assert_one_clear_line(done, "which is read")
+    assert_one_clear_line(done, "is read")
     assert (data / "samples.csv").is_file()
     (tmp_path / "work").mkdir()
     (tmp_path / "work" / "thesis.tex").write_text("years")

@@ -134,28 +134,22 @@ def test_detect_tells_which_corners_it_saw(photographs, tmp_path, command):
     assert rows[0]["detector"] == "charuco:7x5"
 
 
-@pytest.mark.slow
-def test_wrong_words_are_one_line(photographs, tmp_path, command):
+def test_wrong_words_are_one_line_before_any_board_is_searched(photographs, tmp_path, command):
     out = tmp_path / "out"
     left, other = f"{photographs}/cam0/00[0-1].png", f"{photographs}/cam1/00[1-2].png"
     to = ("--out", out, "-q")
-    three = f"{photographs}/cam0/00[0-2].png"
     camera = ("calibrate", "camera", left, *to, "--square-mm", "25")
     stereo = ("calibrate", "stereo", *BOARD, *to)
-    rig, third = ("calibrate", "cameras", *BOARD, *to), f"{photographs}/cam2/0[01][0289].png"
+    rig = ("calibrate", "cameras", *BOARD, *to)
     two = ("--images", f"a={left}", "--images", f"b={photographs}/cam1/00[0-1].png")
     sheet = ("markers", "board", "--out", tmp_path / "b.pdf")
     cases = [
         ((*camera, "--board", "charucco:7x5"), "did you mean 'charuco'"),
-        ((*camera, "--board", "aprilgrid:6x6"), "no apriltag_36h11 tag"),
-        ((*camera, "--board", "charuco:3x3"), "which the stated board does not have"),
-        ((*camera, "--board", "circles:7x5"), "no circles:7x5"),
         (("calibrate", "camera", f"{photographs}/cam7/*.png", *BOARD, *to), "no photograph"),
         (rig, "give a folder with a folder for each camera"),
         ((*rig, photographs / "cam0"), "a folder with photographs for each camera"),
         ((*rig, "--images", left), "give NAME=PATTERN"),
         ((*rig, "--images", f"a={left}", "--images", f"a={left}"), "another camera a"),
-        ((*rig, "--images", f"a={three}", "--images", f"b={third}"), "boards in common"),
         ((*camera, *BOARD[:2], "--lens", "round"), "there are auto, polynomial, rational, fisheye"),
         ((*camera, *BOARD[:2], "--lens", "left=round"), "no lens 'round'; there are polynomial"),
         ((*camera, *BOARD[:2], "--lens", "left=fisheye,"), "NAME=LENS of each camera"),
@@ -173,3 +167,20 @@ def test_wrong_words_are_one_line(photographs, tmp_path, command):
         assert_one_clear_line(command(*words), message)
         assert not out.exists()
         assert not list(tmp_path.glob("b.*"))
+
+
+@pytest.mark.slow
+def test_boards_that_no_photograph_shows_are_one_line(photographs, tmp_path, command):
+    out = tmp_path / "out"
+    to, cam = ("--out", out, "-q"), [f"{photographs}/cam{i}" for i in range(3)]
+    camera = ("calibrate", "camera", f"{cam[0]}/00[0-1].png", *to, "--square-mm", "25")
+    apart = ("--images", f"a={cam[0]}/00[0-2].png", "--images", f"b={cam[2]}/0[01][0289].png")
+    cases = [
+        ((*camera, "--board", "aprilgrid:6x6"), "no apriltag_36h11 tag"),
+        ((*camera, "--board", "charuco:3x3"), "which the stated board does not have"),
+        ((*camera, "--board", "circles:7x5"), "no circles:7x5"),
+        (("calibrate", "cameras", *BOARD, *to, *apart), "boards in common"),
+    ]
+    for words, message in cases:
+        assert_one_clear_line(command(*words), message)
+        assert not out.exists()

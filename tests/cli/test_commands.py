@@ -150,6 +150,7 @@ def test_poses_chosen_by_data_of_another_robot_come_with_a_warning(
     done = command(*words, "--count", 2)
     assert done.returncode == 0
     assert "warning: the data contradict the model: the error" in done.stderr
+    assert f"next  nico-selfmodel record --poses {tmp_path / 'poses.csv'}" in done.stdout
 
 
 def test_a_prediction_far_from_the_training_comes_with_a_warning(result, recorded, command):

@@ -79,6 +79,12 @@ def test_what_changed_is_cured_by_a_command_with_real_paths(tmp_path, parameters
     assert remedy(parameters, model, data) == f"nico-selfmodel {expected} --out {out}"
 
 
+@pytest.mark.parametrize("parameter", ["elbow.theta_offset", "hand.tip.x"])
+def test_what_changed_in_mid_session_is_learned_from_what_came_after(parameter, tmp_path):
+    words = remedy([parameter], tmp_path / "arm", tmp_path / "data", whole=False)
+    assert words.startswith(f"nico-selfmodel monitor {tmp_path / 'arm'} {tmp_path / 'data'} --rel")
+
+
 def test_a_command_within_a_data_set_makes_its_folder_beside_it(tmp_path, monkeypatch):
     (tmp_path / "data").mkdir()
     monkeypatch.chdir(tmp_path / "data")

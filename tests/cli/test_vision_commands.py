@@ -174,7 +174,7 @@ def test_a_photograph_is_not_written_over(photographs, color, tmp_path, command)
     words = ("--at", "80,50", "--mask", image, "--out", tmp_path / "c.yaml", "--force")
     done = command("pick-color", image, *words)
     assert done.returncode == 2
-    assert "is the photograph" in done.stderr
+    assert "is read: choose another name" in done.stderr
     done = command("detect", image, "--color", color, "--out", photographs, "--force")
     assert done.returncode == 2
     assert image.read_bytes() == before

@@ -198,10 +198,10 @@ def test_a_mirror_is_ruled_out_by_odds_of_ten_thousand(monkeypatch, odds, verdic
 
 def test_no_look_alone_says_more_than_three():
     images = seen(in_mirror)
-    wild = images.own + 50.0 * (np.arange(12) == 3)[:, None]
+    wild = images.own + 50.0 * (np.arange(12) == 6)[:, None]
     told = tell_image(replace(images, own=wild), who_knows_its_play())
     whole = tell_image(images, who_knows_its_play())
-    assert whole.shared - told.shared <= 6.0
+    assert 4.0 < whole.shared - told.shared <= 6.0
 
 
 def test_pixels_beyond_where_a_lens_has_rays_are_not_judged():

@@ -156,9 +156,19 @@ def test_force_never_replaces_what_is_not_a_result(tmp_path):
 def test_force_never_replaces_a_folder_that_holds_what_is_read(result):
     (result / "recordings").mkdir()
     for source in (result, result / "recordings", result / "recordings" / "train"):
-        with pytest.raises(FileExistsError, match="which is read"):
+        with pytest.raises(FileExistsError, match="is read"):
             refuse_folder(result, force=True, inputs=[None, source])
     refuse_folder(result, force=True, inputs=[result.parent / "elsewhere"])
+
+
+def test_a_file_is_not_written_over_the_one_it_is_made_of_nor_over_a_folder(result):
+    read = result / "old.txt"
+    with pytest.raises(FileExistsError, match=r"old\.txt is read: choose another name"):
+        refuse_existing(read, force=True, inputs=[read])
+    refuse_existing(read, force=True, inputs=[result / "result.json", result])
+    with pytest.raises(IsADirectoryError, match="result is a folder, a file is to be made"):
+        write_whole(result, "text")
+    assert read.is_file()
 
 
 def test_a_place_where_nothing_can_be_written_is_refused_before_any_work(result, monkeypatch):

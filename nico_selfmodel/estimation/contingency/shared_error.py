@@ -7,7 +7,7 @@ and n theirs. A mirror's image follows what was seen directly, another's does no
 
     r | e ~ N(G K e, G (C - K C) G' + N),  K = C (C + D)^-1,    against    r ~ N(0, G C G' + N).
 
-The sum of the logarithms of their ratio says which (thesis, chapter 9; Bishop 2006, 2.3).
+The sum of the logarithms of their ratio says which (Bishop 2006, 2.3).
 """
 
 import numpy as np

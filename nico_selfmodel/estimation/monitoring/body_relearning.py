@@ -146,7 +146,7 @@ def rezero_body(
         DataError: If the recording is of another body, or has too few numbers.
         ModelError: If the body does not say what noise to expect.
         NotIdentifiableError: If the poses leave a zero open; it names them.
-        ValueError: If there is no such joint, or it has no encoder.
+        ValueError: If there is no such joint, or it or none has an encoder.
     """
     clock, tree = time.perf_counter(), model.tree
     told = told_by(model, data)
@@ -248,6 +248,8 @@ def _lost(tree: BodyTree, joints: Sequence[str] | None) -> tuple[str, ...]:
         for i, name in enumerate(tree.joints)
         if tree.motions[i] in _ZERO and tree.coupling[i, i] == 1.0
     ]
+    if not read:
+        raise ValueError("the body has no joint with an encoder of its own, and so no zero")
     for joint in joints or ():
         refuse_unknown("joint", joint, tree.joints)
         if joint not in read:

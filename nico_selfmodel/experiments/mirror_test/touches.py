@@ -25,8 +25,6 @@ PLANS = 50
 """Ways to places drawn anywhere on head and chest, in all; marks are not needed for them."""
 _POSTURES, _NEAR = 10000, 0.02
 """Postures that are drawn for these, a robot, and how near the finger must come to a link [m]."""
-_BETWEEN = 5
-"""Postures on the way from one planned posture to the next at which the truth is looked at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +125,7 @@ class TouchJudge:
             [mechanics.angles(mechanics.dragged(mechanics.reached(r)), rng) for r in plan.readings]
         )
         near = []
-        for posture in between(q, _BETWEEN):
+        for posture in between(q):
             posed.pose(posture)
             near.append(posed.clearance())
         X_LF = posed.link_pose(mark.link)

@@ -25,7 +25,7 @@ LEAN = np.radians(60.0)
 CLEAR = 0.005
 """Least distance of the arm from the body in a posture, the finger excepted [m]."""
 _BETWEEN = 5
-"""Postures on the way from one to the next at which that is asked of the body as it is drawn."""
+"""Steps from one posture of a way to the next at which the body as it is drawn is looked at."""
 _AWAY = (APPROACH, 0.02, 0.01, 0.0)
 """Distances from the place on the way to it [m]."""
 _NEAR, _SLACK = 1e-4, 1e-3
@@ -328,7 +328,7 @@ class TouchPlanner:
             lean = _angle(pointing, -place.n_W)
         if (off := np.linalg.norm(ends[-1] - place.p_WM)) > 10.0 * _NEAR:
             return _Lacking(3, 0.0, f"the arm bends, the finger stays {1e3 * off:.0f} mm away")
-        clear, links = self._as_drawn.clearance_on(between(np.array(readings), _BETWEEN))
+        clear, links = self._as_drawn.clearance_on(between(np.array(readings)))
         if clear < CLEAR:
             return _Lacking(3, 0.0, f"{links} come {1e3 * max(clear, 0.0):.1f} mm near on the way")
         return Touch(read_only(way), read_only(readings), read_only(ends), clear, float(lean))
@@ -342,7 +342,7 @@ class TouchPlanner:
         return model.servos.to_encoder(told)
 
 
-def between(way: NDArray, count: int) -> NDArray:
+def between(way: NDArray, count: int = _BETWEEN) -> NDArray:
     """Return rows of a way with others evenly between them, so many steps from each to the next.
 
     Args:
