@@ -17,7 +17,7 @@ from nico_selfmodel.geometry.transform import transform
 
 from ..slow_rest import slow_rest
 
-NOISE, RADIUS, PIXEL = 2.0, 5e-3, 1.5e-3
+NOISE, RADIUS, PIXEL, THICKEST = 2.0, 5e-3, 1.5e-3, 4e-4
 BALL = Solid("ellipsoid", (0.06, 0.06, 0.06), np.eye(4))
 CAP = Solid("box", (0.13, 0.13, 0.06), transform(np.eye(3), [0.0, 0.0, 0.05]))
 """About the upper part of the ball: its lower side is at z = 20 mm, its front at x = 65 mm."""
@@ -34,28 +34,31 @@ def sights(way, at):
     return pixels, at + PIXEL * pixels @ across.T - 0.1 * np.array(way), across
 
 
-def shown(solids, p_FQ, x, paint):
-    """Return the colours of places, under a disc of paint about one of them if so wished."""
+def shown(solids, p_FQ, x, p_FP):
+    """Return the colours of places, under a disc of paint that is met elsewhere, or under none."""
     normals = normals_of_solids(solids, p_FQ)
     light = 0.3 + 0.7 * np.maximum(normals @ LIGHT, 0.0)[:, None]
     plain = COLORS[distance_to_solids(solids, p_FQ)[1] if len(solids) > 1 else 0] * light
     E = tangent_basis(normals_of_solids(solids, x[None])[0])
     normal = np.cross(*E.T)
-    y = (p_FQ - x) @ E
+    if p_FP is None:
+        return plain
+    y = (p_FP - x) @ E
     laid = onto_solids(solids, x + y @ E.T + RADIUS * normal, -normal)
     on = (np.linalg.norm(y, axis=1) < RADIUS) & (np.linalg.norm(laid - p_FQ, axis=1) < 5e-4)
-    return np.where(on[:, None] & paint, PAINT * light, plain)
+    return np.where(on[:, None], PAINT * light, plain)
 
 
-def picture(solids, x, way, rng, at=None):
-    """Return a picture of a mark, nine samples a pixel."""
-    pixels, start, across = sights(way, x if at is None else at)
+def picture(solids, x, way, rng, top=None):
+    """Return a picture of a mark, nine samples a pixel; the paint's top may be higher."""
+    pixels, start, across = sights(way, x)
     fine = PIXEL / 3.0 * (np.mgrid[-1:2, -1:2].reshape(2, -1).T @ across.T)
     seen, under = np.zeros((2, len(pixels), 3))
     for step in fine:
         met = onto_solids(solids, start + step, np.array(way))
         known = np.isfinite(met).all(axis=1)
-        for colors, paint in ((seen, True), (under, False)):
+        above = met if top is None else onto_solids(top, start + step, np.array(way))
+        for colors, paint in ((seen, above[known]), (under, None)):
             colors += 110.0 / 9.0
             colors[known] += (shown(solids, met[known], x, paint) - 110.0) / 9.0
     p_FQ = onto_solids(solids, start, np.array(way))
@@ -102,12 +105,29 @@ def test_the_middle_is_that_of_the_disc_not_of_what_is_seen_of_it(case):
         each = [picture(solids, x, looking(k, 5.0), rng) for k in (-4.0, 4.0)]
         seen = [np.nanmean(one.p_FQ[one.surprising], axis=0) - x for one in each]
         assert 1e3 * max(map(np.linalg.norm, seen)) > least
-        found, covariance = painted_disc(each, solids, x + 1e-3 * rng.standard_normal(3), 0.03)
+        found, covariance = painted_disc(each, solids, x + 1e-3 * rng.standard_normal(3), 0.03, 0.0)
         e, C = along @ (found - x), along @ covariance @ along.T
         square.append(float(e @ np.linalg.solve(C, e)) / 2.0)
         off.append(1e3 * np.linalg.norm(e))
     assert np.mean(square) < 2.5
     assert max(off) < 0.5
+
+
+@pytest.mark.parametrize("height", slow_rest([THICKEST, 0.0]))
+def test_paint_may_be_seen_beside_its_place_by_as_much_as_it_is_thick(height):
+    x, rng, slant = on_ball(0.0, 0.0), np.random.default_rng(3), np.tan(np.radians(40.0))
+    top = [Solid("ellipsoid", tuple(0.06 + height * np.ones(3)), np.eye(4))]
+    each = [picture([BALL], x, looking(40.0, 0.0), rng, top)]
+    y, sigma = [], []
+    for thickest in (0.0, THICKEST):
+        middle, covariance = painted_disc(each, [BALL], x, 0.03, thickest)
+        y.append(middle[1])
+        sigma.append(np.sqrt(covariance[1, 1]))
+    assert y[0] == pytest.approx(-height * slant, abs=2.0 * sigma[0])
+    half = 0.5 * THICKEST * slant
+    assert y[1] - y[0] == pytest.approx(half, rel=0.1)
+    assert sigma[1] ** 2 - sigma[0] ** 2 == pytest.approx(half**2, rel=0.2)
+    assert abs(y[1]) < 2.0 * sigma[1]
 
 
 @pytest.mark.parametrize(("across", "told"), [(3.0, False), (6.0, True)])
@@ -116,7 +136,7 @@ def test_a_spot_of_too_few_pixels_is_known_to_its_radius(across, told):
     one = picture([BALL], x, looking(0.0, 0.0), rng)
     seen = np.linalg.norm(one.at, axis=1) < across
     few = replace(one, p_FQ=np.where(seen[:, None], one.p_FQ, np.nan))
-    middle, covariance = painted_disc([few], [BALL], x, 0.03)
+    middle, covariance = painted_disc([few], [BALL], x, 0.03, 0.0)
     sigma = np.sqrt(np.linalg.eigvalsh(covariance))
     if told:
         assert sigma.max() < 0.5e-3

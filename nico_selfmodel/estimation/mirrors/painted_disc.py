@@ -8,11 +8,15 @@ the paint, so that it is covered to the share
 
 and with E the two directions along the surface at x, and g how many metres a pixel is there,
 
-    T = (1 - tanh((|E' (q - x)| - r) / (g w))) / 2
+    T = (1 - tanh((|E' (q - x) - h t| - r) / (g w))) / 2
 
-Least squares of a - T by x and r. What an edge hides, what lies beyond an outline or falls away
-from the disc tells nothing: a disc that is seen in part is known as well as that part tells. In one
-picture alone the middle of what is seen would be taken for that of the disc.
+Least squares of a - T by x and r. Paint lies h above the surface, so that who looks at a slant sees
+it h t beside its place, t the tangent of the slant along the way in which one looks. All look from
+about one side, which does not tell h: it is somewhere between nothing and the most that paint may
+be thick, taken as half of that, and not known by as much. What an edge hides, what lies beyond an
+outline or falls away from the disc tells nothing: a disc that is seen in part is known as well as
+that part tells. In one picture alone the middle of what is seen would be taken for that of the
+disc.
 """
 
 from collections.abc import Sequence
@@ -84,7 +88,11 @@ class SurfacePixels:
 
 
 def painted_disc(
-    pictures: Sequence[SurfacePixels], solids: Sequence[Solid], p_FM: NDArray, pixel_sigma: float
+    pictures: Sequence[SurfacePixels],
+    solids: Sequence[Solid],
+    p_FM: NDArray,
+    pixel_sigma: float,
+    thickest: float,
 ) -> tuple[NDArray, NDArray]:
     """Return where the middle of a disc of paint is, and its covariance.
 
@@ -93,6 +101,7 @@ def painted_disc(
         solids: What the link is made of, in its frame.
         p_FM: About where the middle is [m]. Shape (3,).
         pixel_sigma: What each picture is shifted by by itself [px].
+        thickest: How thick paint may be [m].
 
     Returns:
         Place [m], shape (3,), and covariance by what the pictures leave open, shape (3, 3). Where
@@ -101,16 +110,20 @@ def painted_disc(
     x = np.asarray(p_FM, dtype=float)
     E = _along(solids, x)
     first = max(_LEAST, *(_radius(one, E) for one in pictures), 0.0)
-    fit = _fitted(pictures, solids, x, first)
+    height = 0.5 * thickest
+    fit = _fitted(pictures, solids, x, first, height)
     if fit is None:
         return x, first**2 * np.eye(3)
     x, E, radius, charts = fit
     each, _, spread = _equations(charts, radius)
     P = np.linalg.inv(sum(each) + _before(charts))[:2]
     flat = P @ (sum(each) + spread) @ P.T
+    by_height = np.zeros(2)
     for H, chart in zip(each, charts, strict=True):
         by_pixels = P @ H[:, :2] @ chart.G
         flat += pixel_sigma**2 * by_pixels @ by_pixels.T
+        by_height += P @ H[:, :2] @ chart.t
+    flat += height**2 * np.outer(by_height, by_height)
     return x, _bent(solids, x, E, flat)
 
 
@@ -121,18 +134,26 @@ class _Chart:
     pixels: SurfacePixels
     """Those that a disc there may cover."""
     y: NDArray
-    """E' (q - x) [m]. Shape (n, 2)."""
+    """E' (q - x) - h t [m]. Shape (n, 2)."""
     G: NDArray
     """How these change with the pixel [m/px]. Shape (2, 2)."""
+    t: NDArray
+    """How far beside its place paint is seen that lies so far above it. Shape (2,)."""
 
     @classmethod
-    def of(cls, pixels: SurfacePixels, x: NDArray, E: NDArray) -> "_Chart":
-        """Measure along E from x."""
-        return cls(pixels, (pixels.p_FQ - x) @ E, np.linalg.inv(pixels.by_place @ E))
+    def of(cls, pixels: SurfacePixels, x: NDArray, E: NDArray, height: float) -> "_Chart":
+        """Measure along E from what is so far above x."""
+        G = np.linalg.inv(pixels.by_place @ E)
+        t = G @ pixels.by_place @ np.cross(*E.T)
+        return cls(pixels, (pixels.p_FQ - x) @ E - height * t, G, t)
 
 
 def _fitted(
-    pictures: Sequence[SurfacePixels], solids: Sequence[Solid], x: NDArray, first: float
+    pictures: Sequence[SurfacePixels],
+    solids: Sequence[Solid],
+    x: NDArray,
+    first: float,
+    height: float,
 ) -> tuple[NDArray, NDArray, float, list[_Chart]] | None:
     """Return x, E, r and the pixels of the best disc; None where too few tell of it."""
     radius, chosen = first, list(pictures)
@@ -140,7 +161,7 @@ def _fitted(
         E = _along(solids, x)
         if step < _CHOOSING:  # then no more: a pixel at an edge would come and go for ever
             chosen = [_laid(one, solids, x, E, radius) for one in pictures]
-        charts = [_Chart.of(one, x, E) for one in chosen]
+        charts = [_Chart.of(one, x, E, height) for one in chosen]
         if sum(float(_covered(one, radius)[0].sum()) for one in charts) < _FEWEST:
             return None
         each, off, _ = _equations(charts, radius)

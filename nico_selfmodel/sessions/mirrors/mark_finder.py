@@ -31,6 +31,7 @@ from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.plant.link_surfaces import LinkSurface
 from nico_selfmodel.sessions.mirrors.expecting import MirrorLook, Unknown
 from nico_selfmodel.sessions.mirrors.known_body import KnownBody
+from nico_selfmodel.sessions.mirrors.mirror_looks import PAINT
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.vision.surprise.blobs import FALSE_ALARM, Blob, threshold_of
 from nico_selfmodel.vision.surprise.seen_places import (
@@ -201,7 +202,11 @@ class MarkFinder:
             for one in zip(views, looks, changes, strict=True)
         ]
         p_FM, own = painted_disc(
-            [one for one in each if one is not None], surface.solids, found.p_FM, DISC_SIGMA
+            [one for one in each if one is not None],
+            surface.solids,
+            found.p_FM,
+            DISC_SIGMA,
+            PAINT,
         )
         common = [spot.place.common for spot in found.spots if spot.place is not None]
         return replace(found, p_FM=p_FM, covariance=own + np.mean(common, axis=0))
