@@ -81,7 +81,8 @@ def predict(
 ) -> None:
     """Predict where the hand is: x, y, z [m] with sigmas [mm].
 
-    One sigma is that of the model, the other counts noise too; each is that of one coordinate, rms
+    One sigma is that of the model, the other counts noise too, of the joints of a whole body, of
+    an arm that of what was measured; each is that of one coordinate, rms
     of the three. Places are in the frame that the output names: of an arm that of its tracker or
     left camera, of a whole body where it begins, which with --robot is the description's root;
     --frame SENSOR tells them as that sensor sees them.
@@ -167,6 +168,7 @@ def _of_body(
             **dict(zip(("x_m", "y_m", "z_m"), found.p_FM[k, m].tolist(), strict=True)),
             **dict(zip(("rx", "ry", "rz"), turns[k, m].tolist(), strict=True)),
             "sigma_mm": 1e3 * float(found.sigma[k, m]),
+            "sigma_with_noise_mm": 1e3 * float(found.total_sigma[k, m]),
             **{
                 f"{name}_{axis}": None if np.isnan(value) else float(value)
                 for name, pixels in images.items()

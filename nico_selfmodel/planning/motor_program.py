@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import read_only
 
-_PAUSE, _GAP = 0.1, 0.35
+_PAUSE, _GAP = 0.1, 0.25
 """Least time between two commands, and the mean of what is added to it [s]."""
-_WAY = 0.12
+_WAY = 0.06
 """Mean length of a way, as a share of the range of that joint which goes farthest."""
 
 

@@ -94,6 +94,8 @@ def test_the_map_may_lie_in_a_file_and_the_table_have_no_header(table, tmp_path)
         ({"point": {**MAP["point"], "unit": "inch"}}, "must be one of m, cm, mm, got 'inch'"),
         ({"point": {"x": "X", "y": "Y", "unit": "m"}}, "'z' is missing; expected x, y, z"),
         ({"point": {**MAP["point"], "zz": 4}}, "'point': unknown key 'zz', did you mean 'z'"),
+        ({"point": {**MAP["point"], "z": 5}}, "column 'Y' is given for point y and for point z"),
+        ({"point": {**MAP["point"], "x": 2}}, "'q1' is given for joint q_one and for point x"),
         ({"point": "X"}, "'point' must be a mapping of x, y, z, unit"),
         ({"joint": []}, "column map: unknown key 'joint', did you mean 'joints'"),
         ({"joints": []}, "'joints' must be a list with 'name', 'column' and 'encoder_unit'"),

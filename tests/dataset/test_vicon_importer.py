@@ -149,6 +149,7 @@ def test_a_bad_export_is_refused_with_its_place(files, old, new, message):
     [
         ("15,15", "15,99", "line 4, column 'frame_end': frame 99 is not in "),
         ("12,14", "14,12", "line 3, column 'frame_end': frame_end 12 lies before frame_start 14"),
+        ("12,14", "11,14", "line 3, column 'frame_start': frame 11 is there twice, in line 2, too"),
         ("frame_end", "frame", "give column 'frame' or 'frame_start' and 'frame_end'"),
         ("frame_start", "start", "column 'frame_start' is missing"),
         ("5,home", "5,hme", "line 2, column 'sweep': there is no joint 'hme'"),

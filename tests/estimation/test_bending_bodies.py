@@ -85,7 +85,7 @@ def test_what_bends_in_a_body_is_written_read_and_predicted_with_its_sigma(saggi
     assert model.tree.bending.values.tolist() == body.tree.bending.values.tolist()
     found = predict_body(model, test.encoders)
     off = found.p_FM[:, 0] - true
-    normalised = np.sum(off**2, axis=1) / (3.0 * found.sigma[:, 0] ** 2)
+    normalised = np.sum(off**2, axis=1) / (3.0 * found.total_sigma[:, 0] ** 2)
     assert 0.4 < normalised.mean() < 2.2
 
 
@@ -289,7 +289,7 @@ def test_what_bends_before_cameras_is_predicted_with_its_sigma(film, bent):
 
 def off_by_sigma(calibration, nico, recording):
     """Squared error of the right hand by its variance, mean over poses; joint noise apart."""
-    model = replace(body_model(calibration), noise={})
+    model = body_model(calibration)
     found = predict_body(model, recording.readings)
     mechanics = nico.mechanics
     q = mechanics.expected_angles(recording.readings)

@@ -8,6 +8,7 @@ from nico_selfmodel.estimation.contingency.contingency import (
     CANNOT_TELL,
     NOBODY,
     NOT_ME,
+    ODDS,
     SELF,
     tell_contingency,
 )
@@ -144,6 +145,17 @@ def test_a_pause_of_ones_own_says_nothing_against_who_repeats_ones_motion(late):
     # A chain alone, that starts as often as oneself, lost 7.3 by the pause: self was told, at 10.5,
     # where the other came 8 pictures later.
     assert told[-1].log_odds.max() < 7.5
+
+
+def test_who_starts_and_stops_as_oneself_does_by_chance_is_not_taken_for_oneself():
+    rates = np.array([[0.004, 0.5, 0.734], [0.083, 0.75, 0.375], [0.3, 0.976, 0.997]])
+    response = MotionResponse(PERIOD, 0, rates, 0.00125, 0.183, 0.846)
+    # Another simulated robot, as it came.
+    m = "2222200000000000000002222222222222222222222222222212222222022000222222222222100000022222"
+    y = "1100000000000000000000000011111111111111111110000000000000000000000111111111100000011111"
+    told = tell_contingency([int(one) for one in m], [one == "1" for one in y], response)
+    assert told.verdict == CANNOT_TELL
+    assert 7.0 < told.log_odds.max() < np.log(ODDS)
 
 
 def test_who_is_hidden_a_quarter_of_the_time_is_not_taken_for_another():

@@ -61,10 +61,11 @@ def test_sigmas_in_the_frame_of_a_sensor_cover_what_is_off(bodies):
         readings, true = fresh(made, seed)
         found = predict_body(body, readings, frame="tracker")
         off = np.sum((found.p_FM - true) ** 2, axis=2)
-        # Joint noise is in sigma, and not in these readings.
+        # Joint noise is in the total, and not in these readings.
+        ratios.append(np.sqrt(np.mean(off / (3.0 * found.sigma**2))))
+        assert (found.total_sigma > found.sigma).all()
         quiet = predict_body(replace(body, noise={}), readings, frame="tracker")
-        ratios.append(np.sqrt(np.mean(off / (3.0 * quiet.sigma**2))))
-        assert (found.sigma > quiet.sigma).all()
+        np.testing.assert_allclose(quiet.total_sigma, found.sigma)
     assert 0.5 < np.sqrt(np.mean(np.square(ratios))) < 1.5
 
 

@@ -122,7 +122,25 @@ def _columns(
         if column_map.get(key) is not None:
             column = _column(table, column_map[key], f"{where}, {key!r}")
             columns[key] = table.integers(column) if key == "sample" else table.texts(column)
+    _refuse_one_column_twice(table, column_map, where)
     return joints, columns
+
+
+def _refuse_one_column_twice(table: CsvTable, column_map: Mapping[str, Any], where: str) -> None:
+    """Refuse a column that is named for two quantities: one of them is another."""
+    named = {f"joint {entry['name']}": entry["column"] for entry in column_map["joints"]}
+    point, pixels = (column_map.get(key) or {} for key in ("point", "pixels"))
+    named |= {f"point {axis}": point[axis] for axis in "xyz" if axis in point}
+    named |= {f"pixel {name}": pixels[name] for name in PIXEL_COLUMNS if name in pixels}
+    owners: dict[str, str] = {}
+    for owner, reference in named.items():
+        column = _column(table, reference, where)
+        if column in owners:
+            raise DataError(
+                f"{where}: column {column!r} is given for {owners[column]} and for {owner}; each "
+                "has its own"
+            )
+        owners[column] = owner
 
 
 def _emptied(table: CsvTable, column_map: Mapping[str, Any], where: str) -> CsvTable:

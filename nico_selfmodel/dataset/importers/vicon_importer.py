@@ -141,6 +141,17 @@ def _intervals(
             f"{table.where(row, 'frame_end')}: frame_end {end[row]} lies before frame_start"
             f" {start[row]}"
         )
+    _, first_of, which = np.unique(
+        np.stack([start, end]), axis=1, return_index=True, return_inverse=True
+    )
+    again = np.flatnonzero(first_of[which.ravel()] < np.arange(len(start)))
+    if again.size:
+        row = int(again[0])
+        other = table.lines[int(first_of[which.ravel()[row]])]
+        raise DataError(
+            f"{table.where(row, names[0])}: frame {start[row]} is there twice, in line {other}, "
+            "too: one frame has one pose; leave one of the rows out"
+        )
     return start, end
 
 

@@ -31,7 +31,8 @@ class Contingency:
     """Whether more pictures could change nothing: self was told, or ruled out and it is known
     whether anybody is there."""
     log_odds: NDArray
-    """Of self against all else, after each picture. Shape (T,)."""
+    """Of self against all else, after each picture: against the likeliest where it is likelier than
+    that, against their mean where it is less likely than that, else 0. Shape (T,)."""
 
     def __post_init__(self) -> None:
         """Make the array read-only."""
@@ -54,9 +55,12 @@ def tell_contingency(moved: ArrayLike, seen: ArrayLike, response: MotionResponse
     Who repeats one's motion pauses when oneself does: a chain loses log odds to self by each
     picture of such a pause, though self explains it no better than the one who is late.
 
-    The test is sequential (Wald): odds L_S / ((L_O + L_N) / 2) of `ODDS` to 1 tell self, of 1 to
-    `ODDS` rule it out. Whether anybody is there is then told by the same odds between the other
-    two, and where these are not reached the verdict is `not me`.
+    The test is sequential (Wald 1945): odds of `ODDS` to 1 against each of the others, by itself,
+    tell self; odds of `ODDS` to 1 of their mean against it rule it out. By either no hypothesis
+    that is true is told wrongly more than once in `ODDS`; odds of self against the mean would take
+    one of those others for oneself as often as its share of the mean is small. Whether anybody is
+    there is then told by the same odds between the other two, and where these are not reached the
+    verdict is `not me`.
 
     Args:
         moved: m_t, how the encoders moved before each picture: `STILL`, `LITTLE` or `MUCH`. Shape
@@ -71,8 +75,10 @@ def tell_contingency(moved: ArrayLike, seen: ArrayLike, response: MotionResponse
         ValueError: If the series differ in length, or m_t is something else.
     """
     m, y = series(moved, seen)
-    own, other, nobody = _logs(m, y, response)
-    odds, somebody = own - np.logaddexp(other, nobody) + np.log(2.0), other - nobody
+    own, others, nobody = _logs(m, y, response)
+    share = _shares(len(others))
+    odds = _odds(own, np.vstack([others, nobody]), np.append(share, 1.0) / 2.0)
+    empty = _odds(nobody, others, share)
     decided = np.flatnonzero(np.abs(odds) >= np.log(ODDS))
     if not len(decided):
         return Contingency(CANNOT_TELL, len(m) * response.period, False, odds)
@@ -80,16 +86,39 @@ def tell_contingency(moved: ArrayLike, seen: ArrayLike, response: MotionResponse
     seconds = (at + 1) * response.period
     if odds[at] > 0.0:
         return Contingency(SELF, seconds, True, odds)
-    known = np.flatnonzero(np.abs(somebody[at:]) >= np.log(ODDS))
-    empty = len(known) > 0 and somebody[at + known[0]] < 0.0
-    return Contingency(NOBODY if empty else NOT_ME, seconds, len(known) > 0, odds)
+    known = at + np.flatnonzero(np.abs(empty[at:]) >= np.log(ODDS))
+    verdict = NOBODY if len(known) and empty[known[0]] > 0.0 else NOT_ME
+    return Contingency(verdict, seconds, len(known) > 0, odds)
 
 
-def _logs(m: NDArray, y: NDArray, response: MotionResponse) -> list[NDArray]:
-    """Return the log likelihoods of the three hypotheses after each picture. Shape (T,) each."""
-    first = response.delay + 1
+def _shares(count: int) -> NDArray:
+    """Return how likely who moves as it likes and each of the late are beforehand. Shape (H,)."""
+    late = 1.0 / np.arange(2, count + 1)
+    return np.append(1.0, late / late.sum()) / 2.0
+
+
+def _odds(log: NDArray, others: NDArray, shares: NDArray) -> NDArray:
+    """Return the log odds of one hypothesis against others (`Contingency.log_odds`). Shape (T,).
+
+    Args:
+        log: Its log likelihood after each picture. Shape (T,).
+        others: Theirs. Shape (H, T).
+        shares: How likely each of them is beforehand; they sum to 1. Shape (H,).
+    """
+    mean = np.logaddexp.reduce(others + np.log(shares)[:, None], axis=0)
+    return np.maximum(log - others.max(axis=0), 0.0) + np.minimum(log - mean, 0.0)
+
+
+def _logs(m: NDArray, y: NDArray, response: MotionResponse) -> tuple[NDArray, NDArray, NDArray]:
+    """Return the log likelihoods of all hypotheses after each picture.
+
+    Returns:
+        Of oneself, shape (T,); of who moves as it likes and of each of the late, shape (H, T); of
+        nobody, shape (T,).
+    """
+    first, latest = response.delay + 1, int(_LATEST / response.period)
     if len(m) <= first:
-        return [np.zeros(len(m))] * 3
+        return np.zeros(len(m)), np.zeros((latest, len(m))), np.zeros(len(m))
     found, before = y[first:], y[first - 1 : -1]
 
     def each(rate: NDArray) -> NDArray:
@@ -99,14 +128,15 @@ def _logs(m: NDArray, y: NDArray, response: MotionResponse) -> list[NDArray]:
     rate = response.after(m)
     nothing = each(np.full(len(found), response.unprompted))
     chain = each(np.where(before, response.stays, response.starts))
-    late = _of_the_late(found, rate, chain, int(_LATEST / response.period))
-    other = np.logaddexp(_summed(chain), late) - np.log(2.0)
-    logs = _of_self(each(rate), nothing, moved), other, _summed(nothing)
-    return [np.concatenate([np.zeros(first), log]) for log in logs]
+    others = np.vstack([_summed(chain), _of_the_late(found, rate, chain, latest)])
+    logs = _of_self(each(rate), nothing, moved), others, _summed(nothing)
+    own, other, nobody = (np.concatenate([np.zeros((*log.shape[:-1], first)), log], -1)
+                          for log in logs)  # fmt: skip
+    return own, other, nobody
 
 
 def _of_the_late(found: NDArray, rate: NDArray, chain: NDArray, latest: int) -> NDArray:
-    """Return log L of one who repeats one's motion, after each picture.
+    """Return log L of those who repeat one's motion, after each picture. Shape (latest - 1, K).
 
     Args:
         found: y_t. Shape (K,).
@@ -114,16 +144,14 @@ def _of_the_late(found: NDArray, rate: NDArray, chain: NDArray, latest: int) -> 
         chain: Likelihood of each picture by who moves as it likes. Shape (K,).
         latest: Most pictures that it may come later.
     """
-    later = np.arange(2, latest + 1)
-    then = np.arange(len(found))[:, None] - later
+    then = np.arange(len(found)) - np.arange(2, latest + 1)[:, None]
     repeated = rate[np.maximum(then, 0)]
-    repeated = np.where(found[:, None], repeated, 1.0 - repeated)
-    logs = np.cumsum(np.log(np.where(then >= 0, repeated, chain[:, None])), axis=0)
-    return np.logaddexp.reduce(logs - np.log(later * (1.0 / later).sum()), axis=1)
+    repeated = np.where(found, repeated, 1.0 - repeated)
+    return _summed(np.where(then >= 0, repeated, chain))
 
 
 def _summed(likelihood: NDArray) -> NDArray:
-    return np.cumsum(np.log(likelihood))
+    return np.cumsum(np.log(likelihood), axis=-1)
 
 
 def _of_self(shown: NDArray, hidden: NDArray, moved: NDArray) -> NDArray:

@@ -68,7 +68,12 @@ def _check_units(model: SelfModel, dataset: Dataset) -> None:
         same = got[0] == expected[0] and got[2] == expected[2]
         if not same or (got[0] == "counts" and got[1] != expected[1]):
             raise DataError(
-                f"joint {joint.name} is read in {got[0]} ({got[1]} a turn, sign {got[2]:+.0f}) in "
-                f"data set {dataset.name!r} but in {expected[0]} ({expected[1]} a turn, sign "
-                f"{expected[2]:+.0f}) in the self-model"
+                f"joint {joint.name} is read in {_read_in(*got)} in data set {dataset.name!r} but "
+                f"in {_read_in(*expected)} in the self-model"
             )
+
+
+def _read_in(unit: str, counts_per_turn: float, sign: float) -> str:
+    """Return how a joint is read, in words; only counts have a turn."""
+    turn = f"{counts_per_turn:g} a turn, " if unit == "counts" else ""
+    return f"{unit} ({turn}sign {sign:+.0f})"

@@ -32,7 +32,9 @@ class BodyPrediction:
     """Orientations in it, of markers that have one. Shape (N, markers, 3, 3)."""
     sigma: NDArray
     """Standard deviation of a position in it, rms of its coordinates, by what the body and the
-    sensor's place are known to, as one, and by joint noise [m]. Shape (N, markers)."""
+    sensor's place are known to, as one [m]. Shape (N, markers)."""
+    total_sigma: NDArray
+    """As `sigma`, with the joints' noise [m]. Shape (N, markers)."""
     pixels: dict[str, NDArray]
     """By camera; nan out of its view [px]. Shape (N, markers, 2) each."""
     reflected: dict[tuple[str, str], NDArray]
@@ -85,15 +87,18 @@ def predict_body(
     X_WM = np.stack([motion.poses(m) for m in tree.markers], axis=1)
     p_WM = X_WM[..., :3, 3]
     R_FW = np.swapaxes(motion.poses(watcher)[:, :3, :3], 1, 2)
-    sigma = np.sqrt(_variance(model, parameters, linear.J, linear.by_joint, residuals) / 3.0)
+    sigma, total = (
+        np.sqrt(variance.reshape(count, markers) / 3.0)
+        for variance in _variances(model, parameters, linear.J, linear.by_joint, residuals)
+    )
     cameras = {name: _seen(motion, name, p_WM) for name in tree.lenses}
     reflected = {
         (name, mirror.name): _reflected(motion, name, mirror.plane, p_WM)
         for mirror in tree.mirrors
         for name in tree.lenses
     }
-    sigmas = sigma.reshape(count, markers)
-    return BodyPrediction(p_FM, R_FW[:, None] @ X_WM[..., :3, :3], sigmas, cameras, reflected)
+    R_FM = R_FW[:, None] @ X_WM[..., :3, :3]
+    return BodyPrediction(p_FM, R_FM, sigma, total, cameras, reflected)
 
 
 def _watcher(tree: BodyTree, frame: str | None) -> Attached:
@@ -131,23 +136,33 @@ def _poses(motion: TreeMotion, camera: str) -> NDArray:
     return motion.poses(sensor)
 
 
-def _variance(
+def _variances(
     model: BodyModel,
     parameters: TreeParameters,
     J: NDArray,
     by_joint: NDArray,
     residuals: TreeResiduals,
-) -> NDArray:
-    """Return the trace of each point's covariance, J C J' + A D^2 A'. Shape (points,)."""
-    noisy = residuals.observations.noisy_joints
-    joint = np.array([model.noise.get(model.tree.joints[i], 0.0) for i, _ in noisy])
-    play = _unknown_play(model, residuals.observations.data)[:, [i for i, _ in noisy]]
-    by_row = np.repeat(np.hypot(joint, play), 3 * len(model.tree.markers), axis=0)
-    total = np.sum((by_joint * by_row) ** 2, axis=1)
+) -> tuple[NDArray, NDArray]:
+    """Return the trace of each point's covariance, J C J' + A P^2 A', and that with A D^2 A' too.
+
+    Play P of joints that came from nobody knows where is no noise: it is the same each time.
+
+    Returns:
+        Shape (points,) each.
+    """
+    noisy = [i for i, _ in residuals.observations.noisy_joints]
+    play = _unknown_play(model, residuals.observations.data)[:, noisy]
+    noise = np.array([model.noise.get(model.tree.joints[i], 0.0) for i in noisy])
+    rows = 3 * len(model.tree.markers)
+    by_play, by_noise = (
+        np.sum((by_joint * np.repeat(sigma, rows, axis=0)) ** 2, axis=1)
+        for sigma in (play, np.broadcast_to(noise, play.shape))
+    )
     if model.covariance is not None:
         own = [parameters.index[name] for name in model.covariance.names]
-        total = total + np.einsum("ir,ij,jr->r", J[own], model.covariance.matrix, J[own])
-    return total.reshape(-1, 3).sum(axis=1)
+        by_play = by_play + np.einsum("ir,ij,jr->r", J[own], model.covariance.matrix, J[own])
+    known, noisy_too = (trace.reshape(-1, 3).sum(axis=1) for trace in (by_play, by_play + by_noise))
+    return known, noisy_too
 
 
 def _sides(model: BodyModel, approach: NDArray | None, shape: tuple[int, ...]) -> NDArray:
