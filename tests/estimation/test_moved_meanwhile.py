@@ -13,6 +13,7 @@ from nico_selfmodel.estimation.diagnosis.jump_taken_for_noise import jump_taken_
 from nico_selfmodel.estimation.judging import judge, result_of
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE
 from nico_selfmodel.estimation.tree import tree_findings
+from nico_selfmodel.estimation.tree.forward.joint_errors import MOST_SLIPS
 from nico_selfmodel.estimation.tree.timing import moved_meanwhile as module
 from nico_selfmodel.estimation.tree.timing.moved_meanwhile import (
     LEAST_RATIO,
@@ -212,3 +213,16 @@ def test_a_jump_in_a_smooth_recording_is_named_though_its_joints_noise_explains_
     seen = observed(made.tree, data.joints, data.markers, data.sensors, q + off, rng, **how)
     verdict = judge(calibrate_tree(replace(seen, readings=q)))
     assert verdict.reasons[0].startswith("the encoder of 'j2' jumped by about 1.2 deg after")
+
+
+@pytest.mark.parametrize(
+    ("seed", "said"),
+    slow_rest([(2, "jumped by about 3 deg after sample 32"), *((s, "jumped by") for s in (6, 7))]),
+)
+def test_a_jump_is_named_though_its_joint_would_be_read_wrongly_in_most_poses(seed, said):
+    made = one_arm(seed, joints=4, markers=2, joint_sigma=np.radians(0.012))
+    off = np.radians(3.0) * (np.arange(60) > 32)[:, None] * (np.arange(4) == 1)
+    data = replace(made.data, readings=made.data.readings + off)
+    found = calibrate_tree(data, effects=())
+    assert found.solution.slipped[:, 1].mean() > MOST_SLIPS
+    assert judge(found).reasons[0].startswith(f"the encoder of 'j2' {said}")

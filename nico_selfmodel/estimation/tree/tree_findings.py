@@ -9,7 +9,6 @@ from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_
 from nico_selfmodel.estimation.diagnosis.changes_in_time import Change
 from nico_selfmodel.estimation.diagnosis.flatness import bent_reasons
 from nico_selfmodel.estimation.diagnosis.gear_check import DoubtfulGear, gear_words
-from nico_selfmodel.estimation.noise.hand_noise import LARGEST_JOINT_NOISE
 from nico_selfmodel.estimation.observations.outlier_words import equal_readings
 from nico_selfmodel.estimation.results.calibration_result import (
     CAUSE,
@@ -29,6 +28,10 @@ from nico_selfmodel.estimation.tree.contradictions.contradiction_words import (
     size_words,
 )
 from nico_selfmodel.estimation.tree.contradictions.exchanged_markers import exchanged_markers
+from nico_selfmodel.estimation.tree.contradictions.flange_words import (
+    both_inverted,
+    flange_misfits,
+)
 from nico_selfmodel.estimation.tree.contradictions.heavy_tails import slipping_joints
 from nico_selfmodel.estimation.tree.contradictions.sensor_noise import (
     loose_sigmas,
@@ -38,18 +41,15 @@ from nico_selfmodel.estimation.tree.contradictions.sensor_noise import (
 )
 from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
 from nico_selfmodel.estimation.tree.contradictions.wrong_readings import gears_taken_for_noise
-from nico_selfmodel.estimation.tree.guesses.flange_guess import CHECK_FLANGE
 from nico_selfmodel.estimation.tree.timing.moved_meanwhile import moved_meanwhile
 from nico_selfmodel.estimation.tree.timing.off_at_once import sensors_off_at_once
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.estimation.tree.tree_observations import ENOUGH_TOUCHES, TURN_NOISE
 from nico_selfmodel.estimation.tree.tree_setup import DESCRIBED
-from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE
+from nico_selfmodel.model.tree.body_tree import REVOLUTE
 from nico_selfmodel.names import listed
 
-_LARGEST_FLANGE_PLACE = 0.05
-"""A place of a flange that is off by so much is no play [m]."""
 _LOUD = 2.0
 """Times the noise of others from which on that of a joint is named."""
 _FEWEST_TOLD = 10.0
@@ -68,7 +68,7 @@ SCALE = (
 def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     """Return what speaks for and against a body beyond what every calibration is asked."""
     test, ladder = calibration.test, calibration.ladder
-    unexplained = [*unexplained_sensors(calibration), *_flange_misfits(calibration)]
+    unexplained = [*unexplained_sensors(calibration), *flange_misfits(calibration)]
     bend, asked = ladder.solution, not (calibration.anew or unexplained)
     change = moved_meanwhile(bend.problem, bend.solution) if asked else None
     gears = _doubtful_gears(calibration)
@@ -86,6 +86,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
         *_seldom_words(calibration),
         *described_words(calibration),
         *_alike_words(calibration),
+        *both_inverted(calibration),
         *_slip_words(calibration),
         *loose_sigmas(calibration),
         *_assumed_sigmas(calibration),
@@ -204,24 +205,6 @@ def _noise_reasons(calibration: TreeCalibration) -> list[str]:
     return [
         f"joint noise would have to be {worst:.1f} deg to explain the data "
         f"({listed(sorted(turning))}): {cause}"
-    ]
-
-
-def _flange_misfits(calibration: TreeCalibration) -> list[str]:
-    """Say which flanges' poses the data do not confirm."""
-    data, found = calibration.data, dict[int, list[float]]()
-    for (i, part), sigma in zip(
-        calibration.train.observations.noisy_joints,
-        calibration.solution.noise.joint.tolist(),
-        strict=True,
-    ):
-        if data.joints[i].motion == FLANGE:
-            found.setdefault(i, [0.0, 0.0])[part < 3] = sigma
-    return [
-        f"poses of flange {data.joints[i].name!r} would have to be off by {1e3 * place:.3g} mm and "
-        f"{np.degrees(turn):.3g} deg: {CHECK_FLANGE}"
-        for i, (place, turn) in found.items()
-        if place > _LARGEST_FLANGE_PLACE or turn > LARGEST_JOINT_NOISE
     ]
 
 

@@ -42,6 +42,16 @@ def joint_errors(
         Of `TreeObservations.noisy_joints` [rad or m]; nothing where nothing was seen, and of whole
         poses, which stay as they are read or fit best. Shape (samples, m).
     """
+    shown = shown_errors(observations, whitening, r, loose)
+    if loose is not None and len(loose):
+        shown[:, loose.mean(axis=0) > MOST_SLIPS] = 0.0
+    return shown
+
+
+def shown_errors(
+    observations: TreeObservations, whitening: PoseWhitening, r: NDArray, loose: NDArray | None
+) -> NDArray:
+    """Return the same of joints, too, whose readings say nothing in most visits."""
     numbers, known = whitening.groups.numbers, whitening.noise.joint_sigma
     sigma = np.tile(known, (len(numbers) + 1, 1))
     if loose is not None:
@@ -49,8 +59,6 @@ def joint_errors(
     mean, spread = whitening.joint_errors(-r[:, None])
     left = sigma * np.sqrt(np.maximum(np.einsum("vmm->vm", spread), 0.0))
     by_visit = np.where(left > _LARGEST, 0.0, mean * sigma)
-    if loose is not None and len(loose):
-        by_visit[:-1, loose.mean(axis=0) > MOST_SLIPS] = 0.0
     joints = observations.data.joints
     whole = [joints[i].motion in WHOLE_POSES for i, _ in observations.noisy_joints]
     by_visit[:, whole] = 0.0

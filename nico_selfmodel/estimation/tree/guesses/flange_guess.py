@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
@@ -31,6 +32,12 @@ CHECK_FLANGE = (
     "are written, and the pairing with what was seen"
 )
 """What poses of a flange that are contradicted may come of."""
+_MISFIT = 0.01
+"""Usual misfit [rad, spread of the flange] below which the inverse of poses is not tried."""
+_SMALLER = 0.2
+"""Part of it that the inverse may leave: inverted poses leave 0.4 to 1 as they are told."""
+CARRIED_NEARER = 2.0
+"""What a flange carries is not so many times as far from it as what stands is from its base."""
 
 
 def from_flange(
@@ -91,7 +98,8 @@ def _by_target(
     F = data.X_flange[rows.pose[own], flange]
     M = transform(rotation_from_vector(rows.measured[own, 3:]), rows.measured[own, :3])
     on_hand = tree.markers[m].on != WORLD
-    found = HandEye.from_poses(F, M if on_hand else inverse(M))
+    names = data.joint_names[flange], info.name, data.markers[m].name
+    found = either_way(F, M if on_hand else inverse(M), names, carried=not on_hand)
     # On the hand F X = Z M; a sensor on the hand that sees the world: F X M = Z.
     at, sensor_at = (found.X, found.Z) if on_hand else (found.Z, found.X)
     markers = list(tree.markers)
@@ -112,12 +120,61 @@ def _by_corners(
     for rows in cameras:
         placed = placed_by_known(data, tree, rows, rng, known).X_WC
         F = data.X_flange[list(placed), flange]
-        found = HandEye.from_poses(F, np.array(list(placed.values())))
+        names = data.joint_names[flange], rows.name, "what it sees"
+        found = either_way(F, np.array(list(placed.values())), names, carried=True, told=False)
         places[rows.name] = found.X
         X_PJ[flange] = inverse(found.Z)
     tree = replace(with_sensors(tree, places), X_PJ=X_PJ)
     located = np.flatnonzero(known)
     return with_others(data, tree, {r.name: r for r in cameras}, list(places), located, seed)
+
+
+def either_way(
+    F: NDArray,
+    M: NDArray,
+    names: tuple[str, str, str],
+    *,
+    carried: bool,
+    told: bool = True,
+) -> HandEye:
+    """Return what stands where; refuse poses that fit when they are inverted, and not as they are.
+
+    Of F X = Z M the inverse of either side alone fits as well, with X and Z exchanged: the flange
+    carries X, and what it carries is nearer to it than what stands is to its base.
+
+    Args:
+        F: Poses of the flange. Shape (K, 4, 4).
+        M: What was seen. Shape (K, 4, 4).
+        names: Of the flange, the sensor and the target.
+        carried: Whether the flange is said to carry the sensor, or else the target.
+        told: Whether the sensor's poses were told, or come of corners.
+    """
+    found = HandEye.from_poses(F, M)
+    off = found.misfit(F, M)
+    if off < _MISFIT:
+        return found
+    other = HandEye.from_poses(inverse(F), M)
+    if other.misfit(inverse(F), M) > _SMALLER * off:
+        return found
+    flange, sensor, target = names
+    on, standing = (sensor, target) if carried else (target, sensor)
+    near, far = (1e3 * float(np.linalg.norm(one[:3, 3])) for one in (other.X, other.Z))
+    cases = []
+    if near < CARRIED_NEARER * far:
+        cases.append(
+            f"invert poses of the flange, which seem to tell the base in it ({on!r} is then "
+            f"{near:.0f} mm from the flange)"
+        )
+    if far < CARRIED_NEARER * near:
+        cases += [f"invert the poses that {sensor!r} tells of {target!r}"] * told
+        cases.append(
+            f"exchange 'on' of both, if {standing!r} is on the flange and {on!r} stands ({far:.0f} "
+            "mm from the flange either way)"
+        )
+    raise DataError(
+        f"what {sensor!r} saw contradicts the poses of flange {flange!r}, and fits them the other "
+        f"way round: {', or '.join(cases)}"
+    )
 
 
 def _by_unknown(

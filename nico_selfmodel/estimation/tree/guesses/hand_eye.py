@@ -15,6 +15,8 @@ from nico_selfmodel.geometry.transform import inverse, transform
 
 _LEAST_TURN = np.radians(5.0)
 """Turns below this tell little of an axis."""
+_LEAST_SPREAD = 0.01
+"""Places of a flange that is turned on the spot are off by parts of this [m]."""
 _MOST_PAIRS = 4000
 _ONE_AXIS = 0.05
 """Part of the turns about one axis that those about others must reach to be a second one."""
@@ -64,6 +66,19 @@ class HandEye:
             nearest_rotation(each[:, :3, :3].sum(axis=0)), np.median(each[:, :3, 3], axis=0)
         )
         return cls(X, Z)
+
+    def misfit(self, F: NDArray, M: NDArray) -> float:
+        """Return the usual distance of F X M^-1 from Z, in rad and in the spread of F's places.
+
+        Args:
+            F: Poses of the flange. Shape (K, 4, 4).
+            M: Poses of the target in the sensor's frame. Shape (K, 4, 4).
+        """
+        each = F @ self.X @ inverse(M)
+        turn = rotation_vectors_of(each[:, :3, :3] @ self.Z[:3, :3].T)
+        spread = max(float(np.sqrt(np.var(F[:, :3, 3], axis=0).sum())), _LEAST_SPREAD)
+        shift = (each[:, :3, 3] - self.Z[:3, 3]) / spread
+        return float(np.median(np.linalg.norm(np.hstack([turn, shift]), axis=1)))
 
 
 def only_axis(F: NDArray) -> NDArray | None:

@@ -26,7 +26,9 @@ from nico_selfmodel.estimation.diagnosis.changes_in_time import (
 )
 from nico_selfmodel.estimation.diagnosis.jump_taken_for_noise import jump_taken_for_noise
 from nico_selfmodel.estimation.diagnosis.score_sums import CourseFound, Left, ScoreSums
+from nico_selfmodel.estimation.tree.forward.joint_errors import MOST_SLIPS, shown_errors
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
+from nico_selfmodel.estimation.tree.tree_noise import tree_whitening
 from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, TURNS
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
@@ -72,38 +74,66 @@ def moved_meanwhile(problem: TreeProblem, solution: TreeSolution) -> Change | No
         return mixed_in_time(data.si_readings, found.course[spans])
 
     change = likeliest_change(sums, groups, mixed)
-    if change is not None and change.explains:
+    often = solution.slipped.mean(axis=0) > MOST_SLIPS
+    if change is not None and change.explains and not often.any():
         return change
-    change = _jumped(problem, solution, linear) or change
+    jump = _jumped(problem, solution, often)
+    if change is None or (jump and (not change.explains or jump.ratio > change.ratio)):
+        change = jump
     return None if change is None or change.ratio < LEAST_RATIO else change
 
 
-def _jumped(problem: TreeProblem, solution: TreeSolution, linear: TreeLinear) -> Change | None:
-    """Find a jump of an encoder whose joint is read worse than others, its noise aside."""
+def _jumped(problem: TreeProblem, solution: TreeSolution, often: NDArray) -> Change | None:
+    """Find a jump of an encoder that is read worse than others, or wrongly in most poses.
+
+    What the poses show of its joint, whatever it was read to, is asked for a jump.
+    """
     seen, data = problem.observations, problem.observations.data
     order, of_all = np.argsort(data.sample), solution.joint_errors
     if of_all is None:
         return None
-    for k in sorted(solution.noise.loud):
-        i, slides = (
-            seen.noisy_joints[k][0],
-            data.joints[seen.noisy_joints[k][0]].motion == PRISMATIC,
-        )
+    if often.any():
+        of_all = np.where(often, _shown(problem, solution), of_all)
+    for k in sorted({*solution.noise.loud, *np.flatnonzero(often & ~seen.unread).tolist()}):
+        i = seen.noisy_joints[k][0]
+        joint, readings = data.joints[i], data.si_readings[:, i]
         at = order[of_all[order, k] != 0.0]
-        q, errors = data.si_readings[at, i], of_all[at, k]
-        jump = jump_taken_for_noise(errors, q, data.sample[at])
+        errors = of_all[at, k]
+        jump = jump_taken_for_noise(errors, readings[at], data.sample[at])
         if jump is None:
             continue
         course = (data.sample > jump.last).astype(float)
-        moved = linear.by_joint[:, k] * (jump.size * (course - course.mean()))[seen.sample]
-        own = linear.by_joint[:, k] != 0.0
+        line = np.stack([np.ones(len(course)), readings], axis=1)
         before, after = (
-            np.abs(r / problem.scale)[own].mean() for r in (linear.r, linear.r + moved)
+            _left_beside(
+                problem, solution, k, one @ np.linalg.lstsq(one[at], errors, rcond=None)[0]
+            )
+            for one in (line, np.column_stack([line, course]))
         )
-        what = encoder_words(data.joints[i].name, slides)(np.array([jump.size]), False)
-        told = mixed_in_time(data.si_readings, course)
-        return Change(f"{what} after sample {jump.last}", before / after, told)
+        words = encoder_words(joint.name, joint.motion == PRISMATIC)
+        what = f"{words(np.array([jump.size]), False)} after sample {jump.last}"
+        return Change(what, before / after, mixed_in_time(data.si_readings, course))
     return None
+
+
+def _shown(problem: TreeProblem, solution: TreeSolution) -> NDArray:
+    """Return what poses show of joints that were read wrongly in them. Shape (samples, m)."""
+    seen, groups = problem.observations, problem.observations.groups(solution.outliers)
+    loose = seen.unread_in(groups.poses, solution.slipped_in(groups.numbers))
+    linear = problem.residuals.linear(solution.values)
+    whitening = tree_whitening(seen, linear, groups, solution.noise, loose)
+    return shown_errors(seen, whitening, linear.r / problem.scale, loose)
+
+
+def _left_beside(problem: TreeProblem, solution: TreeSolution, k: int, errors: NDArray) -> float:
+    """Return the mean residual of what a joint moves, in sigmas, as it errs by (samples,)."""
+    off = np.zeros((len(errors), len(problem.observations.noisy_joints)))
+    off[:, k] = errors
+    linear = problem.residuals.erring(off).linear(solution.values)
+    assert linear.pulled is not None
+    return float(
+        np.abs((linear.r + linear.pulled) / problem.scale)[linear.by_joint[:, k] != 0].mean()
+    )
 
 
 def _order(problem: TreeProblem) -> tuple[NDArray, NDArray]:
