@@ -156,3 +156,14 @@ def test_light_is_told_by_what_is_inside_of_a_colour_not_by_its_edge():
     inside = (u < 10) & (v > 0) & (v < 8) & (u > 0)
     assert light[inside] == pytest.approx(0.5)
     assert np.isnan(light[u >= 10]).all()
+
+
+def test_light_that_falls_is_followed_to_the_edge_of_a_colour():
+    v, u = np.mgrid[:9, :12].reshape(2, -1)
+    colors = COLORS[(u > 5).astype(int)]
+    light = np.exp(-0.15 * u - 0.1 * v)[:, None]
+    under = light * colors
+    under[u == 5] = 200.0
+    found = light_of(np.stack([u, v], axis=1).astype(float), under, colors)
+    near = (u == 5) & (v > 1) & (v < 7)
+    assert found[near] == pytest.approx(light[near], rel=0.1)
