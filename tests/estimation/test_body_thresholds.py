@@ -35,9 +35,8 @@ from nico_selfmodel.estimation.tree.contradictions.told_values import agreeing_s
 from nico_selfmodel.estimation.tree.contradictions.wrong_readings import gears_taken_for_noise
 from nico_selfmodel.estimation.tree.timing import off_at_once
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
-from nico_selfmodel.estimation.tree.tree_findings import described_words
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
-from nico_selfmodel.estimation.tree.tree_setup import DESCRIBED, Wishes
+from nico_selfmodel.estimation.tree.tree_setup import Wishes
 from nico_selfmodel.model.arm.bending import BEARING, COUPLING, SAG
 from nico_selfmodel.model.tree.body_model import BodyModel
 
@@ -431,20 +430,6 @@ def test_a_bearing_that_tilts_by_three_degrees_is_no_bend(degrees, why):
     # Moments about x that differ from their mean by 1 N m.
     body.moments = lambda bent: np.array([[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]])
     assert implausible(fit, body) == why
-
-
-@pytest.mark.parametrize(("told", "warns"), [(9.9, True), (10.1, False)])
-def test_ten_told_places_say_how_far_a_description_is_off(told, warns):
-    names = tuple(f"j{i}.x" for i in range(20))
-    known = SimpleNamespace(names=names, covariance=np.eye(20) * (1.0 - told / 20.0))
-    problem = SimpleNamespace(priors=dict.fromkeys(names, (0.0, 1.0)))
-    groups = SimpleNamespace(names=()), SimpleNamespace(names=names)
-    calibration = SimpleNamespace(
-        setup=SimpleNamespace(scale_from=DESCRIBED, alike=groups),
-        uncertainty=known,
-        ladder=SimpleNamespace(solution=SimpleNamespace(problem=problem)),
-    )
-    assert bool(described_words(calibration)) is warns
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,14 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.judging import result_of
+from nico_selfmodel.estimation.judging import judge, result_of
+from nico_selfmodel.estimation.tree.known import described_scale as module
+from nico_selfmodel.estimation.tree.known.described_scale import (
+    DescribedScale,
+    contradicted_description,
+    doubting,
+)
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
-from nico_selfmodel.estimation.tree.tree_findings import described_words
 from nico_selfmodel.estimation.tree.tree_priors import BEFOREHAND, expected_priors
 from nico_selfmodel.estimation.tree.tree_setup import (
     DESCRIBED,
@@ -18,9 +23,11 @@ from nico_selfmodel.estimation.tree.tree_setup import (
     robot_sigmas_of,
 )
 from nico_selfmodel.model.tree.body_tree import BodyTree
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
+from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 from ..slow_rest import slow_rest
-from .simulated_trees import one_arm, turned
+from .simulated_trees import LENS, one_arm, turned
 
 NAMES = tuple(f"p{i}" for i in range(60))
 TURNS, PLACES = Alike(NAMES[:25], 0.03), Alike(NAMES[25:50], 0.01)
@@ -81,20 +88,66 @@ def test_what_only_a_description_tells_is_off_as_far_as_is_claimed_be_few_parts_
 
 
 @pytest.mark.parametrize(("each", "said"), [(9.9, True), (10.1, False)])
-def test_few_told_parts_of_a_description_that_alone_tells_lengths_are_a_warning(each, said):
+def test_few_told_parts_of_a_description_that_alone_tells_lengths_are_doubted(
+    monkeypatch, each, said
+):
     places = tuple(f"j{k}.x" for k in range(20))
     left = 1e-4 * (1.0 - each / 20.0) * np.eye(20)
-    problem = SimpleNamespace(priors=dict.fromkeys(places, (0.0, 0.01)))
-    calibration = SimpleNamespace(
-        setup=SimpleNamespace(scale_from=DESCRIBED, alike=(Alike((), 0.03), Alike(places, 0.01))),
-        ladder=SimpleNamespace(solution=SimpleNamespace(problem=problem)),
-        uncertainty=SimpleNamespace(names=places, covariance=left),
+    by_scale = SimpleNamespace(by_scale=lambda values: np.ones(20))
+    base = SimpleNamespace(joints=tuple(f"j{k}" for k in range(20)))
+    problem = SimpleNamespace(
+        priors=dict.fromkeys(places, (0.0, 0.01)),
+        free_names=places,
+        columns=np.arange(20),
+        residuals=SimpleNamespace(parameters=SimpleNamespace(layout=by_scale, base=base)),
     )
-    words = described_words(calibration)
-    assert len(words) == said
-    assert not said or "tells 9.9 of its 20 places" in words[0]
-    calibration.setup.scale_from = "tracker"
-    assert described_words(calibration) == []
+    # What lengths are told by is the third place, nearly.
+    slope = np.where(np.arange(20) == 2, 1.0, 0.01)
+    monkeypatch.setattr(module, "_of_distance", lambda *_: slope)
+    solution = SimpleNamespace(values=np.zeros(20), whitened=100.0 * np.eye(20))
+    setup = SimpleNamespace(scale_from=DESCRIBED, alike=(Alike((), 0.03), Alike(places, 0.01)))
+    known = Uncertainty(
+        places, left, np.sqrt(np.diag(left)), 1.0, 20, 1.0, (), 0, np.zeros((0, 20))
+    )
+    found = DescribedScale.of(problem, solution, setup, known)
+    assert (found is not None) == said
+    setup.scale_from = "tracker"
+    assert DescribedScale.of(problem, solution, setup, known) is None
+    if said:
+        assert found.warning.startswith("scale: the robot's description alone tells lengths")
+        assert "tells 9.9 of its 20 places" in found.warning
+        assert "if 'j2', which tells most" in found.warning
+        # Not known it may be off by a hundred times its 0.01.
+        assert found.sigma == pytest.approx(1.0 / 1.19, rel=0.01)
+        sigma = doubting(known, found).sigma_of(slope / slope.sum())
+        assert sigma == pytest.approx(found.sigma)
+
+
+@pytest.mark.parametrize(("off", "said"), [(4.0, False), (4.1, True)])
+def test_a_stated_description_is_contradicted_by_what_chance_does_once_in_ten_thousand(off, said):
+    priors = {"a.x": (0.0, 1e-3), "b.x": (0.0, 1e-3)}
+    # Of a all is told, of b nothing.
+    left = np.diag([0.0, 1e-6])
+    known = Uncertainty(
+        ("a.x", "b.x"), left, np.sqrt(np.diag(left)), 1.0, 2, 1.0, (), 0, np.zeros((0, 2))
+    )
+    words = contradicted_description(priors, {"a.x": off * 1e-3, "b.x": 0.0}, known)
+    assert bool(words) == said
+    assert not said or "off by 4.1 times what --robot-sigma says, 'a.x' most" in words
+
+
+def one_camera(seed, too_long, **how):
+    """An arm of three joints before one camera, with a description that has one link too long."""
+    sim = one_arm(seed, joints=3, markers=2, sensor="camera", joint_sigma=np.radians(0.02))
+    table = sim.data.observations
+    seen = table.select(np.flatnonzero(table.sensor == 0))
+    data = replace(sim.data, observations=seen, sensors=sim.data.sensors[:1])
+    tree = replace(sim.tree, sensors=sim.tree.sensors[:1], lenses={"left": LENS})
+    said = described(sim, seed, 0.3, 1.5, **how)
+    X = np.array(said.tree.X_PJ)
+    X[2, :3, 3] *= 1.0 + too_long / np.linalg.norm(X[2, :3, 3])
+    said = replace(said, tree=replace(said.tree, X_PJ=X))
+    return tree, calibrate_tree(data, description=said, effects=())
 
 
 def described(sim, seed, degrees, millimetres, **how):
@@ -147,3 +200,37 @@ def test_how_far_a_robot_may_be_off_is_two_positive_numbers(word):
     with pytest.raises(ValueError, match="--robot-sigma"):
         robot_sigmas_of(word)
     assert robot_sigmas_of("2,10") == pytest.approx((np.radians(2.0), 0.01))
+
+
+def too_far(tree, found):
+    """By how much cameras are too far from all markers, as a share, and the sigma of that."""
+    seen, problem = found.data.observations, found.ladder.solution.problem
+
+    def usual(body):
+        motion = TreeMotion.at(body, found.data.si_readings, found.data.X_flange)
+        away = motion.points(seen.marker, seen.pose)
+        away = away - motion.pose_of(body.sensors[0])[1].T[seen.pose]
+        return np.log(np.linalg.norm(away, axis=1)).mean()
+
+    slope = module._of_distance(problem, found.ladder.solution.solution)
+    return usual(found.tree) - usual(tree), found.uncertainty.sigma_of(slope)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_one_camera_and_a_description_with_a_link_that_is_too_long_are_as_sure_as_they_say(seed):
+    for too_long in (0.0, 0.08):
+        tree, found = one_camera(seed, too_long)
+        off, sigma = too_far(tree, found)
+        assert any(words.startswith("scale: ") for words in judge(found).warnings)
+        assert abs(off) < 3.0 * sigma
+
+
+@pytest.mark.slow
+def test_a_description_that_is_stated_too_sure_fails_where_it_alone_tells_lengths():
+    stated = {"turn_sigma": 0.01, "shift_sigma": 0.002, "learned": False}
+    sound, wrong = (judge(one_camera(2, off, **stated)[1]) for off in (0.0, 0.08))
+    assert not any("contradicts the robot's description" in words for words in sound.reasons)
+    assert any("contradicts the robot's description" in words for words in wrong.reasons)
+    (note,) = [words for words in sound.notes if words.startswith("scale: ")]
+    assert "alone tells it" in note

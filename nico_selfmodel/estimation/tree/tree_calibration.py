@@ -38,6 +38,7 @@ from nico_selfmodel.estimation.tree.contradictions.unplaced_markers import (
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.guesses.lens_guess import PARTS, guessed_lenses
 from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart, agreeing, searched_start
+from nico_selfmodel.estimation.tree.known.described_scale import DescribedScale, doubting
 from nico_selfmodel.estimation.tree.timing.late_sensors import late_sensors
 from nico_selfmodel.estimation.tree.tree_errors import (
     TreeErrors,
@@ -116,6 +117,8 @@ class TreeCalibration:
     """Whether a few parameters of a known body were learned, which here is taken for exact."""
     late: Change | None = None
     """What is of another moment than the rest, if anything is."""
+    by_description: DescribedScale | None = None
+    """What tells lengths where a description alone does, and little how far that is off."""
 
     @cached_property
     def held(self) -> dict[str, HeldScore]:
@@ -316,9 +319,8 @@ def _finished(
             f"data set {data.name!r} has {residuals.observations.scalars} numbers for "
             f"{len(setup.free)} parameters: record more poses, or fix parameters"
         )
-    known = noise is not None
     problem = TreeProblem(
-        residuals, setup.free, setup.priors, noise, noise_known=known, alike=setup.alike
+        residuals, setup.free, setup.priors, noise, noise_known=noise is not None, alike=setup.alike
     )
     rigid = problem.refine(start.values)
     told = {name: mean for name, (mean, _) in setup.priors.items()} | dict(setup.fixed)
@@ -332,12 +334,13 @@ def _finished(
     if late is not None and late.explains:
         ladder = Ladder((), TreeBend(problem, rigid))
     problem, solution = ladder.solution.problem, ladder.solution.solution
-    residuals = problem.residuals
-    parameters = residuals.parameters
+    residuals, parameters = problem.residuals, problem.residuals.parameters
     tree = parameters.tree_of(solution.values)
     seen = data if test is None else test
     described = description and errors_as_described(problem, solution, seen)
-    uncertainty = ladder.in_doubt(_uncertainty(problem, solution, setup), ladder.solution.posture)
+    known = _uncertainty(problem, solution, setup)
+    by_description = DescribedScale.of(problem, solution, setup, known)
+    uncertainty = ladder.in_doubt(doubting(known, by_description), ladder.solution.posture)
     told = parameters.names if anew else tuple(setup.fixed)  # known before, all is told
     unplaced = unplaced_markers(data, ~solution.outliers, uncertainty, told)
     return TreeCalibration(
@@ -361,6 +364,7 @@ def _finished(
         unplaced=unplaced,
         anew=anew,
         late=late,
+        by_description=by_description,
     )
 
 

@@ -41,6 +41,7 @@ from nico_selfmodel.estimation.tree.contradictions.sensor_noise import (
 )
 from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
 from nico_selfmodel.estimation.tree.contradictions.wrong_readings import gears_taken_for_noise
+from nico_selfmodel.estimation.tree.known.described_scale import contradicted_description
 from nico_selfmodel.estimation.tree.timing.moved_meanwhile import moved_meanwhile
 from nico_selfmodel.estimation.tree.timing.off_at_once import sensors_off_at_once
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
@@ -52,8 +53,6 @@ from nico_selfmodel.names import listed
 
 _LOUD = 2.0
 """Times the noise of others from which on that of a joint is named."""
-_FEWEST_TOLD = 10.0
-"""Parts of a description that tell its standard deviation, to 22 in 100."""
 _WHOLE_SIGHT = 4
 """Outliers of one sight, and nothing else of it, from which on it is named and not its markers."""
 _OUTLIERS_NAMED = 2
@@ -74,6 +73,8 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     gears = _doubtful_gears(calibration)
     said = [] if test is None else [_held_out_words(calibration, test)]
     said += size_words(calibration)
+    if calibration.setup.scale_from == DESCRIBED and calibration.by_description is None:
+        said.append("scale: the robot's description alone tells it, one 1 % too large makes all so")
     said += kept_words(ladder, calibration.tree.bending, calibration.at)
     doubts = [f"too few poses to test whether mirror {name!r} is flat: record ten"
               for name, test in calibration.flatness.items() if test is None]  # fmt: skip
@@ -84,7 +85,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
         *misdescribed_words(calibration),
         *_told_by_no_pose(calibration),
         *_seldom_words(calibration),
-        *described_words(calibration),
+        *([calibration.by_description.warning] if calibration.by_description else []),
         *_alike_words(calibration),
         *both_inverted(calibration),
         *_slip_words(calibration),
@@ -107,6 +108,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
             MISFIT, [*_noise_reasons(calibration), *sensor_misfits(calibration), *unexplained]
         ),
         *findings(FAILURE, [] if cause else changed),
+        *findings(FAILURE, _contradicted_description(calibration)),
         *findings(FAILURE, bent_reasons(calibration.flatness)),
         *findings(FAILURE, gear_words(gears)),
         *findings(LAST, missed_touches(calibration)),
@@ -153,27 +155,16 @@ def _seldom_words(calibration: TreeCalibration) -> list[str]:
     ]
 
 
-def described_words(calibration: TreeCalibration) -> list[str]:
-    """Say where hardly anything tells how far a description is off that alone tells lengths.
-
-    Of variance v beforehand and c afterwards a part is told by 1 - c / v (MacKay 1992). A variance
-    that few parts tell leaves errors of Student's law, many sigmas long.
-    """
-    setup, priors = calibration.setup, calibration.ladder.solution.problem.priors
-    if setup.scale_from != DESCRIBED or not setup.alike:
+def _contradicted_description(calibration: TreeCalibration) -> list[str]:
+    """Say that a description which alone tells lengths is farther off than it is stated to be."""
+    description, names = calibration.description, calibration.parameters.of_joint_frames
+    if description is None or description.learned or calibration.setup.scale_from != DESCRIBED:
         return []
-    known = calibration.uncertainty
-    left = dict(zip(known.names, np.diag(known.covariance).tolist(), strict=True))
-    places = [name for name in setup.alike[1].names if name in priors]
-    told = sum(max(1.0 - left[name] / priors[name][1] ** 2, 0.0) for name in places)
-    if told >= _FEWEST_TOLD:
-        return []
-    return [
-        f"the robot's description alone tells lengths, and what was recorded tells {told:.1f} of "
-        f"its {len(places)} places, too few to say how far these are off: everything may be larger "
-        "or smaller by many of its standard deviations; record a known distance (`distance_m`), "
-        "let the cameras see more of the body in more poses, or state it (--robot-sigma DEG,MM)"
-    ]
+    priors = calibration.ladder.solution.problem.priors
+    priors = {name: prior for name, prior in priors.items() if name in names}
+    values = dict(zip(calibration.parameters.names, calibration.values.tolist(), strict=True))
+    said = contradicted_description(priors, values, calibration.uncertainty)
+    return [said] if said else []
 
 
 def _assumed_sigmas(calibration: TreeCalibration) -> list[str]:
