@@ -229,8 +229,8 @@ def test_one_camera_and_a_description_with_a_link_that_is_too_long_are_as_sure_a
 @pytest.mark.slow
 def test_a_description_that_is_stated_too_sure_fails_where_it_alone_tells_lengths():
     stated = {"turn_sigma": 0.01, "shift_sigma": 0.002, "learned": False}
-    sound, wrong = (judge(one_camera(2, off, **stated)[1]) for off in (0.0, 0.08))
-    assert not any("contradicts the robot's description" in words for words in sound.reasons)
-    assert any("contradicts the robot's description" in words for words in wrong.reasons)
-    (note,) = [words for words in sound.notes if words.startswith("scale: ")]
+    sound, wrong = (one_camera(2, off, **stated)[1] for off in (0.0, 0.08))
+    assert not any("contradicts the robot's description" in words for words in judge(sound).reasons)
+    assert any("contradicts the robot's description" in words for words in judge(wrong).reasons)
+    (note,) = [one.text for one in result_of(sound).findings if one.text.startswith("scale: ")]
     assert "alone tells it" in note
