@@ -117,8 +117,10 @@ class ScoreSums:
         if prior is not None:
             information, pull = told + prior[0].T @ prior[0], prior[0].T @ prior[1]
         inverse = np.linalg.pinv(information, rcond=1e-10, hermitian=True)
-        score = s.sum(axis=0)[free] + pull
-        rest = float(np.sum(w**2) - score @ inverse @ score)
+        score = s.sum(axis=0)[free]
+        step = inverse @ (score + pull)
+        # Of the residuals alone: what priors give way by is not taken off them.
+        rest = float(np.sum(w**2) - 2.0 * score @ step + step @ told @ step)
         # What a prior holds takes nothing from the residuals.
         taken = float(np.sum(inverse * told))
         variance = max(rest / max(left.residuals.size - taken, 1.0), np.finfo(float).tiny)
