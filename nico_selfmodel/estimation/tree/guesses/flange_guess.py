@@ -148,6 +148,9 @@ def either_way(
         names: Of the flange, the sensor and the target.
         carried: Whether the flange is said to carry the sensor, or else the target.
         told: Whether the sensor's poses were told, or come of corners.
+
+    Raises:
+        DataError: If they fit the other way round alone; it names which to invert.
     """
     found = HandEye.from_poses(F, M)
     off = found.misfit(F, M)

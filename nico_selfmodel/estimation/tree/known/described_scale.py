@@ -8,7 +8,7 @@ the covariance, C_j that with the place of joint j known `_UNKNOWN` times worse,
 body does to all parameters, g'd = 1, C + (max_j g' C_j g - g' C g) d d' is the covariance.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -63,22 +63,21 @@ class DescribedScale:
         if setup.scale_from != DESCRIBED or not setup.alike:
             return None
         priors = problem.priors
-        left = dict(zip(known.names, np.diag(known.covariance).tolist(), strict=True))
         places = [name for name in setup.alike[1].names if name in priors]
-        told = sum(max(1.0 - left[name] / priors[name][1] ** 2, 0.0) for name in places)
+        told = _told(places, priors, known)
         if told >= _FEWEST_TOLD:
             return None
         along = problem.residuals.parameters.layout.by_scale(solution.values)[problem.columns]
         slope = _of_distance(problem, solution)
         slope = slope / float(slope @ along)
         usual = float(slope @ known.covariance @ slope)
+        sigma = np.array([priors[n][1] if n in priors else np.inf for n in problem.free_names])
+        information = solution.whitened.T @ solution.whitened
         without = {}
         for joint in problem.residuals.parameters.base.joints:
             own = np.isin(problem.free_names, [f"{joint}.{part}" for part in SHIFTS])
             own &= np.isin(problem.free_names, places)
-            sigma = np.array([priors[n][1] if n in priors else np.inf for n in problem.free_names])
-            H = solution.whitened.T @ solution.whitened
-            H -= np.diag(np.where(own, (1.0 - _UNKNOWN**-2) / sigma**2, 0.0))
+            H = information - np.diag(np.where(own, (1.0 - _UNKNOWN**-2) / sigma**2, 0.0))
             without[joint] = float(slope @ covariance_told_by(H) @ slope)
         joint = max(without, key=lambda one: without[one])
         added = np.sqrt(max(without[joint] - usual, 0.0)) * along
@@ -118,10 +117,9 @@ def contradicted_description(
         values: Of these parts.
         known: The covariance.
     """
-    left = dict(zip(known.names, np.diag(known.covariance).tolist(), strict=True))
     for parts in (SHIFTS, TURNS):
         own = [name for name in priors if name.rpartition(".")[2] in parts]
-        told = sum(max(1.0 - left[name] / priors[name][1] ** 2, 0.0) for name in own)
+        told = _told(own, priors, known)
         off = {name: (values[name] - priors[name][0]) / priors[name][1] for name in own}
         squares = sum(one**2 for one in off.values())
         if told <= 0.0 or chi_square_tail(squares, int(np.ceil(told))) > _CHANCE:
@@ -135,6 +133,15 @@ def contradicted_description(
             "short), or state that it is less sure"
         )
     return None
+
+
+def _told(names: Sequence[str], priors: Priors, known: Uncertainty) -> float:
+    """Return how many parts a recording tells: 1 - c / v of one of variance v before, c after.
+
+    (MacKay 1992. Bayesian interpolation.)
+    """
+    left = dict(zip(known.names, np.diag(known.covariance).tolist(), strict=True))
+    return sum(max(1.0 - left[name] / priors[name][1] ** 2, 0.0) for name in names)
 
 
 def _of_distance(problem: TreeProblem, solution: TreeSolution) -> NDArray:
