@@ -81,6 +81,8 @@ class CameraScenario:
     """The cameras."""
     arms: Mapping[str, ArmScenario]
     """Marker -> the arm learned by it."""
+    up: NDArray | None = None
+    """The vertical in the left camera's frame, as the robot is described. Shape (3,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +128,7 @@ def learn_cameras_and_arm(
         nominal, up = nominal_with(nico.arm, marker), nico.workspace.up_C
         arms[marker] = learn_arm(train, test, seen.cameras, nominal, "nico", up)
         telling(stage, "learning the arm")(done, len(markers))
-    return CameraScenario(seen.views, seen.cameras, arms)
+    return CameraScenario(seen.views, seen.cameras, arms, nico.workspace.up_C)
 
 
 def watch_hand(
