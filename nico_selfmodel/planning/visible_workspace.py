@@ -96,6 +96,12 @@ class VisibleWorkspace:
         rig = StereoRig(*(c.at(X) for c, X in zip(cameras.cameras, X_BC, strict=True)))
         return cls(arm, rig, markers, body, limits)
 
+    @property
+    def up_C(self) -> NDArray:
+        """The vertical in the left camera's frame, of a robot whose root stands upright. (3,)."""
+        up_B = self.body.pose(self.arm.links.root_link)[:3, 2]
+        return self.rig.left.X_WC[:3, :3].T @ up_B
+
     def holding(self, shift: ArrayLike) -> "VisibleWorkspace":
         """Return the workspace of the arm with a tool in its hand.
 

@@ -94,7 +94,12 @@ def refine(scenario: CameraScenario, marker: str, test_boards: BoardViews) -> Bo
     arm = scenario.arms[marker]
     try:
         found = calibrate_body(
-            arm.train, arm.model, scenario.views, test=arm.test, test_boards=test_boards
+            arm.train,
+            arm.model,
+            scenario.views,
+            test=arm.test,
+            test_boards=test_boards,
+            up=scenario.up,
         )
     except EstimationError as error:
         return BodyScenario(scenario, arm, test_boards, None, Verdict("FAIL", (str(error),)))

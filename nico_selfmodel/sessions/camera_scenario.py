@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.dataset.dataset import Dataset
@@ -80,6 +81,8 @@ class CameraScenario:
     """The cameras."""
     arms: Mapping[str, ArmScenario]
     """Marker -> the arm learned by it."""
+    up: NDArray | None = None
+    """The vertical in the left camera's frame, as the robot is described. Shape (3,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,9 +125,10 @@ def learn_cameras_and_arm(
     arms = {}
     for done, marker in enumerate(markers, start=1):
         train, test = (of_marker(one, marker) for one in (seen.train, seen.test))
-        arms[marker] = learn_arm(train, test, seen.cameras, nominal_with(nico.arm, marker), "nico")
+        nominal, up = nominal_with(nico.arm, marker), nico.workspace.up_C
+        arms[marker] = learn_arm(train, test, seen.cameras, nominal, "nico", up)
         telling(stage, "learning the arm")(done, len(markers))
-    return CameraScenario(seen.views, seen.cameras, arms)
+    return CameraScenario(seen.views, seen.cameras, arms, nico.workspace.up_C)
 
 
 def watch_hand(
@@ -175,6 +179,7 @@ def learn_arm(
     cameras: CameraCalibration,
     nominal: NominalArm | None,
     name: str,
+    up: NDArray | None = None,
 ) -> ArmScenario:
     """Learn an arm from what calibrated cameras reconstruct of its hand.
 
@@ -184,10 +189,12 @@ def learn_arm(
         cameras: The cameras.
         nominal: The robot as described, for the zero of its joints.
         name: Of the self-model.
+        up: The vertical in the left camera's frame, which the robot knows from its description to a
+            degree or two; guessed where the arm sags if omitted. Shape (3,).
     """
     stereo = StereoPoints.of(cameras.self_model(name), train, test)
     calibration = stereo.complete(
-        calibrate_kinematics(stereo.train, test=stereo.test, nominal=nominal, name=name)
+        calibrate_kinematics(stereo.train, test=stereo.test, nominal=nominal, name=name, up=up)
     )
     return ArmScenario(calibration, stereo, stereo.evaluate(calibration.model))
 

@@ -119,6 +119,20 @@ def test_a_rigid_arm_stays_rigid(poses):
 
 
 @pytest.mark.slow
+def test_what_goes_beside_hangs_from_the_likeliest_vertical(monkeypatch):
+    """An arm whose joint noise hides its sag, and whose first axis lies."""
+    lying, upright = np.eye(3)[[0, 2]]
+    verticals = ((lying, False), (upright, False))
+    monkeypatch.setattr(BendingArm, "ups", property(lambda _: verticals))
+    _, train, _, _ = arm_and_data(1, 80, sag=2.0)
+    noise = 8e-3 * np.random.default_rng(1).normal(size=train.encoders.shape)
+    learned = calibrate_kinematics(replace(train, encoders=train.encoders + noise), explain=False)
+    assert "sag" not in learned.ladder.kept
+    assert "sag" in learned.model.bending.effects
+    assert learned.model.bending.up == pytest.approx(upright)
+
+
+@pytest.mark.slow
 def test_what_is_not_allowed_is_told():
     rigid = sagged(1, rigid=True)
     assert rigid.model.bending is None

@@ -40,6 +40,11 @@ def test_the_head_looks_at_where_the_hand_works(workspace):
     assert workspace.in_view(q).mean() > 0.045
 
 
+def test_the_vertical_is_where_head_and_cameras_are_described_to_lean(workspace):
+    lean = np.radians(30.0)  # the cameras look down, and the head is turned about the vertical
+    assert workspace.up_C == pytest.approx([0.0, -np.cos(lean), -np.sin(lean)], abs=1e-9)
+
+
 def test_random_poses_are_usable_within_limits_and_come_from_the_seed(workspace):
     a, b = (workspace.random_poses(20, np.random.default_rng(3)) for _ in range(2))
     assert np.array_equal(a, b)

@@ -121,11 +121,7 @@ class Climber:
             told = np.log(self._wide(before.noise).weighed.coordinates)
             if before.evidence - seen.evidence + told < _NOTHING:
                 return self._judged(effect, before, seen)
-        if effect == SAG and BEARING not in self.kept:
-            candidates = [self._upright(wanted, replace(self.still, up=up)) for up, _ in self.ups]
-            after = min(candidates, key=lambda fit: fit.evidence)
-        else:
-            after = self._upright(wanted, self.still)
+        after = self._likeliest(wanted)
         step = self._judged(effect, before, after)
         if effect == RIPPLE and step.kept and self.gears and GEAR not in self.kept:
             # Over a part of a turn a ripple looks like a gear, of which there are fewer numbers.
@@ -179,6 +175,14 @@ class Climber:
             found.append(step)
         return tuple(found)
 
+    def _likeliest(self, effects: tuple[str, ...]) -> EffectFit:
+        """Return the likeliest fit of some effects, over what may be the vertical if it is new."""
+        heavy = {SAG, BEARING}
+        new = heavy & set(effects) and not heavy & {*self.kept, *self.besides}
+        ups = [up for up, _ in self.ups] if new else [self.still.up]
+        found = [self._upright(effects, replace(self.still, up=up)) for up in ups]
+        return min(found, key=lambda fit: fit.evidence)
+
     def _upright(self, effects: tuple[str, ...], bending: Bending) -> EffectFit:
         """Return the fit of some effects, the vertical turned over where that is up for the arm."""
         found = self._fitted(effects, bending)
@@ -210,7 +214,7 @@ class Climber:
     def _at_a_glance(self, effect: str, noise: Any) -> EffectFit:
         """Return the likeliest fit of one effect of a rigid body at its noise."""
         found = []
-        for up, _ in self.ups if effect == SAG else self.ups[:1]:
+        for up, _ in self.ups if effect in (SAG, BEARING) else self.ups[:1]:
             question = self._question((effect,), replace(self.still, up=up))
             if up is self.ups[0][0]:
                 glance = self._wide(noise)
@@ -295,7 +299,7 @@ class Climber:
     def _beside(self, effects: Sequence[str]) -> bool:
         """Take some effects beside those that stayed, if unseen poses do not lose by them."""
         assert self.fit is not None
-        found = self._upright((*self.kept, *effects), self.still)
+        found = self._likeliest((*self.kept, *effects))
         gains = self._gains(self.fit, found)
         loses = gains.mean() < -gains.std(ddof=1) / np.sqrt(len(gains))
         if loses or implausible(found, self.body):

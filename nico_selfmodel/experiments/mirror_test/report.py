@@ -157,6 +157,7 @@ def _given() -> Table:
         ["how surely motion is seen", "learned, likewise"],
         ["names of its links and which follows which", "given, by its description"],
         ["where its head is turned, poses that a mirror shows", "given, by its description"],
+        ["which way is up", "given: its root stands upright, its cameras as described"],
         ["where the mirrors stand", "learned, from its hand, head and chest seen in them"],
         ["how head and body stand before them", "learned, from head and chest seen in them"],
         ["noise of its pictures, gain of a look", "learned, from its pictures"],

@@ -86,6 +86,6 @@ def learn_six_joints(
     seen = watch_hand(nico, replace(_COUNTS, test=held_out), stage)
     telling(stage, "learning the arm")(0, 1)
     nominal = nominal_with(nico.arm, FIDUCIAL)
-    learned = learn_arm(seen.train, seen.test, seen.cameras, nominal, "nico")
+    learned = learn_arm(seen.train, seen.test, seen.cameras, nominal, "nico", nico.workspace.up_C)
     telling(stage, "learning the arm")(1, 1)
     return learned
