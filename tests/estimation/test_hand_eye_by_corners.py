@@ -89,6 +89,17 @@ def test_a_camera_on_a_flange_is_placed_by_the_corners_it_sees():
     assert score < 4.0
 
 
+@pytest.mark.parametrize(("factor", "status"), [(1.0, "NOT_EVALUATED"), (1.02, "FAIL")])
+def test_a_target_in_the_room_that_is_told_too_large_fails_by_its_factor(factor, status):
+    _, data = recorded(np.random.default_rng(200))
+    markers = (replace(m, xyz=tuple(factor * x for x in m.xyz or ())) for m in data.markers)
+    verdict = judge(calibrate_tree(replace(data, markers=tuple(markers)), effects=()))
+    assert verdict.status == status
+    if factor > 1.0:
+        told = verdict.reasons[0].split("target on 'world' is told ")[1].split()[0]
+        assert float(told) == pytest.approx(factor, abs=0.01)
+
+
 @pytest.mark.slow
 def test_the_place_of_a_camera_on_a_flange_is_as_sure_as_it_says():
     scores = []
