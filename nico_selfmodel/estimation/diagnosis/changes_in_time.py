@@ -20,7 +20,7 @@ from nico_selfmodel.estimation.diagnosis.score_sums import (
 from nico_selfmodel.estimation.diagnosis.systematic_residuals import Pattern
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.geometry.rotation import skew
+from nico_selfmodel.geometry.rotation import slope_together
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.optimization.chi_square import chi_square_tail
 
@@ -232,17 +232,12 @@ def mirror_words(mirror: str) -> Words:
 
 
 def _hand_as_one(parameters: DhParameters) -> NDArray:
-    """Return how markers shift and turn together, about their middle. Shape (P, 6), (P, 0) of one.
-
-    A marker at p goes by v + w x (p - c).
-    """
-    p_NH = parameters.table.p_NH
-    if len(p_NH) < 2:
-        return np.zeros((len(parameters.names), 0))
-    out = np.zeros((len(parameters.names), 6))
-    for marker, p in zip(parameters.table.markers, p_NH - p_NH.mean(axis=0), strict=True):
-        at = [parameters.names.index(f"hand.{marker}.{axis}") for axis in "xyz"]
-        out[at] = np.hstack([np.eye(3), -skew(p)])
+    """Return how the parameters go where markers move together. Shape (P, 6), (P, 0) of one."""
+    p_NH, markers = parameters.table.p_NH, parameters.table.markers
+    out = np.zeros((len(parameters.names), 6 if len(p_NH) > 1 else 0))
+    if out.size:
+        own = [f"hand.{marker}.{axis}" for marker in markers for axis in "xyz"]
+        out[[parameters.names.index(name) for name in own]] = slope_together(p_NH).reshape(-1, 6)
     return out
 
 

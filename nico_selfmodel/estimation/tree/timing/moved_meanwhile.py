@@ -35,7 +35,7 @@ from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
 from nico_selfmodel.geometry.rotation import (
     rotation_vector_of,
     rotation_vector_slope,
-    skew,
+    slope_together,
 )
 from nico_selfmodel.model.tree.body_tree import PRISMATIC, WHOLE_POSES, WORLD_NAME, Attached
 
@@ -250,21 +250,19 @@ def _changes(
 
 
 def _as_one(markers: list[Attached], linear: TreeLinear, index: dict[str, int]) -> list[NDArray]:
-    """Return derivatives by what shifts and turns markers of a link together, about their middle.
+    """Return derivatives by what shifts and turns markers of a link together.
 
-    A place p goes by v + w x (p - c), a turn exp(u) by w = J du, J the left Jacobian.
+    A turn exp(u) goes by w = J du, J the left Jacobian.
     """
-    shifts, turns = np.zeros((2, 3, len(linear.r)))
-    middle = np.mean([marker.X_LA[:3, 3] for marker in markers], axis=0)
-    for marker in markers:
-        by_place = linear.J[[index[f"{marker.name}.{part}"] for part in SHIFTS]]
-        shifts = shifts + by_place
-        turns = turns + skew(marker.X_LA[:3, 3] - middle) @ by_place
+    places = slope_together([marker.X_LA[:3, 3] for marker in markers])
+    out = np.zeros((6, len(linear.r)))
+    for marker, slope in zip(markers, places, strict=True):
+        out += slope.T @ linear.J[[index[f"{marker.name}.{part}"] for part in SHIFTS]]
         if f"{marker.name}.{TURNS[0]}" in index:
             own = linear.J[[index[f"{marker.name}.{part}"] for part in TURNS]]
-            slope = rotation_vector_slope(rotation_vector_of(marker.X_LA[:3, :3]))
-            turns = turns + np.linalg.inv(slope).T @ own
-    return [*shifts, *turns]
+            left = rotation_vector_slope(rotation_vector_of(marker.X_LA[:3, :3]))
+            out[3:] += np.linalg.inv(left).T @ own
+    return [*out]
 
 
 def _shifted(what: str) -> Words:
