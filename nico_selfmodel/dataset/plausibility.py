@@ -16,8 +16,9 @@ MAX_SPREAD_M = 20.0
 """Points that lie further apart were hardly measured in metres, unless by a crane [m] ..."""
 _NO_MACHINE_M = 100.0
 """... and those that lie even further apart were not: as millimetres they suit any arm [m]."""
-# An arm whose points stay within this was hardly measured in metres.
-_MIN_SPREAD_M = 2e-3
+_MIN_SPREAD_M = 5e-3
+"""Points that stay within it were hardly measured in metres, unless of a micromanipulator [m]: in
+metres taken for millimetres they suit robots that are 5 m wide."""
 MAX_TURN_RAD = 4.0 * np.pi
 """A joint that turned further was hardly read in radians [rad]."""
 _FEWEST_IN_DEGREES = 2
@@ -190,21 +191,35 @@ def _warn_of_units(dataset: Dataset, place: str) -> None:
     """Warn of numbers that look like another unit than the one they are said to have.
 
     Of joints read in `rad` that turned by more than two whole turns, and of more than two points
-    that all lie within 2 mm; some samples in degrees are refused, see `check_radians`.
+    that all lie within 5 mm; some samples in degrees are refused, see `check_radians`.
     """
     in_rad = [i for i, joint in enumerate(dataset.joints) if joint.encoder_unit == "rad"]
     check_radians(
         [dataset.joints[i].name for i in in_rad], dataset.encoders[:, in_rad], dataset.sample, place
     )
-    points = dataset.p_WH_measured[dataset.measured]
+    which = f"{', '.join(POINT_COLUMNS)} are"
+    warn_of_specks(f"{place}: all points lie", dataset.p_WH_measured[dataset.measured], which)
+
+
+def warn_of_specks(what: str, points: NDArray, which: str) -> None:
+    """Warn of more than two places that all lie nearer to each other than any robot is small.
+
+    Args:
+        what: Of what they are and their verb, for the message.
+        points: Places [m]. Shape (N, 3).
+        which: Numbers that are metres, and their verb, for the message.
+
+    Warns:
+        UserWarning: If they do.
+    """
     if len(points) < 3:
         return
     spread = 2.0 * float(np.abs(points - np.median(points, axis=0)).max())
     if 0.0 < spread < _MIN_SPREAD_M:
         warnings.warn(
-            f"{place}: all points lie within {1e3 * spread:.2g} mm: were metres given as "
-            f"millimetres? {', '.join(POINT_COLUMNS)} are metres",
-            stacklevel=4,
+            f"{what} within {1e3 * spread:.2g} mm: were metres given as millimetres? "
+            f"{which} metres",
+            stacklevel=5,
         )
 
 

@@ -105,6 +105,20 @@ def rotation_from_vector(vector: ArrayLike) -> NDArray:
     return rotation_about(axis, angle)
 
 
+def slope_together(points: ArrayLike) -> NDArray:
+    """Return the derivatives of points that move as one, p -> p + v + w x (p - c), c their middle.
+
+    Args:
+        points: Places. Shape (n, 3).
+
+    Returns:
+        By v, then w. Shape (n, 3, 6).
+    """
+    points = np.asarray(points, dtype=float)
+    turns = -skew(points - points.mean(axis=0))
+    return np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
+
+
 def rotation_vector_slope(vector: ArrayLike) -> NDArray:
     """Return J with exp([v + dv]) = exp([J dv]) exp([v]), the left Jacobian of the rotations.
 

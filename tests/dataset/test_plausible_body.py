@@ -189,8 +189,8 @@ def test_nothing_is_saved_that_could_not_be_loaded_again(tmp_path):
         assert not (tmp_path / "data").exists()
 
 
-def test_what_a_crane_does_is_taken_with_a_warning(tmp_path):
-    """Points within 100 m of their middle: more is no machine, less than 20 m needs no word."""
+def test_what_a_crane_or_a_speck_does_is_taken_with_a_warning(tmp_path):
+    """Points within 100 m of their middle: more is no machine, 20 m to 2.5 mm need no word."""
     data = one_arm(1, poses=6).data
     places = data.observations.values[:, :3]
     reach = np.abs(places - np.median(places, axis=0)).max()
@@ -206,6 +206,9 @@ def test_what_a_crane_does_is_taken_with_a_warning(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         read_back(of_size(19.0), tmp_path / "19")
+        read_back(of_size(0.0026), tmp_path / "0.0026")
+    with pytest.warns(UserWarning, match="were metres given as millimetres"):
+        read_back(of_size(0.0024), tmp_path / "0.0024")
     with pytest.raises(DataError, match=r"up to 101 m: were millimetres given as metres"):
         read_back(of_size(101.0), tmp_path / "101")
 

@@ -234,7 +234,7 @@ def test_a_mirrored_or_rescaled_robot_is_told_from_a_described_one(make_truth):
             assert word is None or word in str(reason)
 
 
-def test_points_within_two_millimetres_are_asked_about_when_they_are_read(train, tmp_path):
+def test_points_within_some_millimetres_are_asked_about_when_they_are_read(train, tmp_path):
     save_dataset(replace(train, p_WH_measured=1e-3 * train.p_WH_measured), tmp_path / "tiny")
     with pytest.warns(UserWarning, match="were metres given as millimetres"):
         load_dataset(tmp_path / "tiny")

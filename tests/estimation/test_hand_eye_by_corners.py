@@ -21,7 +21,7 @@ CORNERS = 0.03 * np.array([[i, j, 0.0] for i in range(7) for j in range(5)])
 PIXEL, TURN, SHIFT = 0.3, np.radians(0.05), 3e-4
 
 
-def recorded(rng, poses=25, known=True, one_axis=False):
+def recorded(rng, poses=25, known=True, one_axis=False, moved=0.0):
     """A board in the room, and a camera on a flange whose poses are off by 0.05 deg and 0.3 mm."""
     X_FC, X_BW = turned(rng, 60.0, 90.0), turned(rng, 40.0, 700.0)
     eyes = [0.09, 0.06, -0.5] + 0.15 * rng.normal(size=(poses, 3))
@@ -38,7 +38,8 @@ def recorded(rng, poses=25, known=True, one_axis=False):
     )
     rows = []
     for pose, X in enumerate(X_WC):
-        uv = LENS.at(np.eye(4)).project(apply(inverse(X), CORNERS))
+        board = CORNERS + np.array([moved if pose >= poses // 2 else 0.0, 0.0, 0.0])
+        uv = LENS.at(np.eye(4)).project(apply(inverse(X), board))
         uv = uv + PIXEL * rng.normal(size=uv.shape)
         seen = np.isfinite(uv).all(axis=1) & ((uv > 0.0) & (uv < LENS.image_size)).all(axis=1)
         rows += [(pose, corner, *uv[corner]) for corner in np.flatnonzero(seen)]
@@ -87,6 +88,26 @@ def test_a_camera_on_a_flange_is_placed_by_the_corners_it_sees():
     error, score = error_of(found, X_FC)
     assert np.linalg.norm(error) < 1e-3
     assert score < 4.0
+
+
+@pytest.mark.parametrize(("factor", "status"), [(1.0, "NOT_EVALUATED"), (1.02, "FAIL")])
+def test_a_target_in_the_room_that_is_told_too_large_fails_by_its_factor(factor, status):
+    _, data = recorded(np.random.default_rng(200))
+    markers = (replace(m, xyz=tuple(factor * x for x in m.xyz or ())) for m in data.markers)
+    verdict = judge(calibrate_tree(replace(data, markers=tuple(markers)), effects=()))
+    assert verdict.status == status
+    if factor > 1.0:
+        told = verdict.reasons[0].split("target on 'world' is told ")[1].split()[0]
+        assert float(told) == pytest.approx(factor, abs=0.01)
+
+
+@pytest.mark.slow
+def test_a_board_that_is_moved_before_a_camera_on_a_flange_is_named():
+    _, data = recorded(np.random.default_rng(1), poses=40, moved=0.004)
+    (reason,) = judge(calibrate_tree(data, effects=())).reasons
+    said = "what carries markers in the room moved by about "
+    assert float(reason.split(said)[1].split()[0]) == pytest.approx(4.0, rel=0.2)
+    assert "after sample 19" in reason
 
 
 @pytest.mark.slow

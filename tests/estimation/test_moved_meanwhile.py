@@ -43,6 +43,9 @@ def later(made, what):
     if what == "marker":
         first, *rest = tree.markers
         return replace(tree, markers=(moved_by(first, (0.0, 0.004, 0.0)), *rest)), q
+    if what == "plate":
+        slip = transform(rotation_from_vector([0.0, 0.01, 0.0]), [0.0, 0.003, 0.0])
+        return replace(tree, markers=tuple(replace(m, X_LA=slip @ m.X_LA) for m in tree.markers)), q
     first, *rest = tree.sensors
     far = ((0.003, 0.0, 0.0), (0.0, 0.0, 0.0)) if what == "tracker" else (
         (0.0, 0.0, 0.0), (0.0, np.radians(0.5), 0.0))  # fmt: skip
@@ -72,6 +75,8 @@ def recorded(what, seed=3, sensor="points"):
         *slow_rest(
             [
                 ("encoder", "points", r"the encoder of 'j3' jumped by about (\S+) deg", 1.0),
+                ("plate", "points", r"carries markers on 'j5' moved by about (\S+) mm", 3.1),
+                ("plate", "camera", r"markers on 'j5' moved by about \S+ mm and (\S+) deg", 0.5),
                 ("tracker", "points", r"sensor 'tracker' moved by about (\S+) mm", 3.0),
                 ("camera", "camera", r"sensor 'left' moved by about \S+ mm and (\S+) deg", 0.5),
             ],

@@ -18,6 +18,7 @@ from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_findings import distance_words
 from nico_selfmodel.estimation.tree.tree_result import tree_result
 from nico_selfmodel.estimation.tree.tree_setup import Description
+from nico_selfmodel.geometry.rotation import rotation_from_vector
 
 from ..slow_rest import slow_rest
 from .simulated_trees import (
@@ -96,6 +97,23 @@ def test_a_tag_that_is_printed_too_small_is_named_beside_a_description(seed, fac
     assert len(words) == (factor > 1.0)
     for word in words:
         assert float(word.split(" measured is ")[1].split()[0]) == pytest.approx(factor, abs=0.01)
+
+
+@pytest.mark.slow
+def test_what_turns_and_poses_may_be_instead_is_said():
+    data = tag_before_a_camera(1, 1.0)[0].select(np.arange(60) < 30)
+    R = rotation_from_vector(data.observations.values[:, 3:6])
+    places = -np.einsum("rji,rj->ri", R, data.observations.values[:, :3])
+
+    def told(place):
+        values = np.hstack([place, -data.observations.values[:, 3:6]])
+        other = replace(data, observations=replace(data.observations, values=values))
+        return calibrate_tree(other, effects=())
+
+    with pytest.raises(DataError, match=r"hand to the base, .* or invert what 'camera' tells"):
+        told(places)
+    (reason,) = judge(told(data.observations.values[:, :3])).reasons
+    assert "check how turns are written" in reason
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ from nico_selfmodel.dataset.plausibility import (
     refuse_copies,
     refuse_nothings,
     warn_of_outside,
+    warn_of_specks,
 )
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC
@@ -28,10 +29,10 @@ def check_plausible_body(data: BodyDataset) -> None:
             degrees, many observations are copies, or places exactly 0.
 
     Warns:
-        UserWarning: If places spread over more than 20 m, or a joint read in `rad` turned by more
-            than two whole turns.
+        UserWarning: If places spread over more than 20 m or less than 5 mm, or a joint read in
+            `rad` turned by more than two whole turns.
     """
-    table = data.observations
+    table, widest = data.observations, np.zeros((1, 3))
     for s, sensor in enumerate(data.sensors):
         own = table.values[table.sensor == s]
         if not len(own):
@@ -45,10 +46,12 @@ def check_plausible_body(data: BodyDataset) -> None:
             refuse_nothings(data.sample[rows], own[:, :width], f"places by sensor {sensor.name!r}")
         if sensor.kind in (POINTS, POSES):
             check_spread(f"{what}: up to", _from_middle(own[:, :3]), _LENGTHS)
+            widest = max(widest, own[:, :3], key=_from_middle)
         if sensor.kind == CAMERA:
             warn_of_outside(own[:, :2], sensor.image_size, what)
         if sensor.kind == POSES:
             _check_turns(f"orientations of sensor {sensor.name!r}", own[:, 3:6])
+    warn_of_specks("all places that sensors measured lie", widest, _LENGTHS)
     xyz = np.array([marker.xyz for marker in data.markers if marker.xyz is not None])
     if len(xyz):
         _check_stated("'xyz' of markers", _from_middle(xyz))
@@ -63,6 +66,7 @@ def check_plausible_body(data: BodyDataset) -> None:
             assert data.flanges is not None
             middle = _from_middle(data.flanges[:, i, :3])
             check_spread(f"places of flange {joint.name!r}: up to", middle, _LENGTHS)
+            warn_of_specks(f"places of flange {joint.name!r} lie", data.flanges[:, i, :3], _LENGTHS)
             _check_turns(f"orientations of flange {joint.name!r}", data.flanges[:, i, 3:])
         elif joint.motion == PRISMATIC and joint.is_read and joint.counts_per_turn is None:
             middle = _from_middle(data.si_readings[:, i])

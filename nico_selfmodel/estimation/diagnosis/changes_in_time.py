@@ -20,6 +20,7 @@ from nico_selfmodel.estimation.diagnosis.score_sums import (
 from nico_selfmodel.estimation.diagnosis.systematic_residuals import Pattern
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
 from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.geometry.rotation import slope_together
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.optimization.chi_square import chi_square_tail
 
@@ -99,8 +100,13 @@ def change_in_time(
     """
     if solved.noise is None or len(np.unique(observations.visit)) < FEWEST_VISITS:
         return None
-    sums = sums_of_arm(observations, solved, granted)
-    groups = _groups(solved.parameters, solved.parameters.names)
+    ways = _hand_as_one(solved.parameters)
+    sums = sums_of_arm(observations, solved, granted, ways)
+    groups = [*_groups(solved.parameters, solved.parameters.names)]
+    if ways.size:
+        last = sums.left.jacobian.shape[2]
+        what = "what carries the markers on the hand"
+        groups.append((moved_words(what), list(range(last - ways.shape[1], last))))
     # Sums of scores are cut and swelled, so that a pattern may gain more and explain much less.
     gain = max((pattern.score.gain for pattern in patterns), default=0.0)
 
@@ -205,6 +211,16 @@ def encoder_words(joint: str, slides: bool = False) -> Words:
     return words
 
 
+def moved_words(what: str) -> Words:
+    """Return what is said of a frame whose place [m] and turn [rad] changed."""
+
+    def words(size: NDArray, drift: bool) -> str:
+        far, turn = 1e3 * np.linalg.norm(size[:3]), np.degrees(np.linalg.norm(size[3:]))
+        return f"{what} {verb(drift)} by about {far:.2g} mm and {turn:.2g} deg"
+
+    return words
+
+
 def mirror_words(mirror: str) -> Words:
     """Return what is said of a plane whose two tilts [rad] and distance [m] changed."""
 
@@ -213,6 +229,16 @@ def mirror_words(mirror: str) -> Words:
         return f"mirror {mirror!r} {verb(drift)} by about {far:.2g} mm and {turn:.2g} deg"
 
     return words
+
+
+def _hand_as_one(parameters: DhParameters) -> NDArray:
+    """Return how the parameters go where markers move together. Shape (P, 6), (P, 0) of one."""
+    p_NH, markers = parameters.table.p_NH, parameters.table.markers
+    out = np.zeros((len(parameters.names), 6 if len(p_NH) > 1 else 0))
+    if out.size:
+        own = [f"hand.{marker}.{axis}" for marker in markers for axis in "xyz"]
+        out[[parameters.names.index(name) for name in own]] = slope_together(p_NH).reshape(-1, 6)
+    return out
 
 
 def _groups(parameters: DhParameters, names: tuple[str, ...]) -> Iterator[tuple[Words, list[int]]]:

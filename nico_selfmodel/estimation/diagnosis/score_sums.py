@@ -248,13 +248,16 @@ class ScoreSums:
         return f"after sample {int(self.last[found.span])}"
 
 
-def sums_of_arm(observations: Observations, solved: ArmSolution, granted: NDArray) -> ScoreSums:
+def sums_of_arm(
+    observations: Observations, solved: ArmSolution, granted: NDArray, ways: NDArray
+) -> ScoreSums:
     """Sum scores and information of an arm over spans of time, its outliers included.
 
     Args:
         observations: What was measured; samples are numbered in the order of time.
         solved: The arm, with its noise.
         granted: What the residuals may depend on besides. Shape (N, 3, m).
+        ways: In which parameters may change together, the last columns. Shape (P, w).
     """
     assert solved.noise is not None
     # Frames of one visit share its joint noise: together they are one witness of time.
@@ -264,13 +267,14 @@ def sums_of_arm(observations: Observations, solved: ArmSolution, granted: NDArra
     rows = observations.select(looked_at)
     everything = np.ones(len(rows), dtype=bool)
     linear = Linearised.at(rows, solved.parameters, everything, solved.noise)
-    jacobian = np.concatenate([linear.jacobian, granted[looked_at]], axis=2)
+    beside = [granted[looked_at], linear.jacobian @ ways]
+    jacobian = np.concatenate([linear.jacobian, *beside], axis=2)
     groups = PoseGroups(rows.visit, everything, 3)
     whitening = PoseWhitening(groups, linear.by_angle, solved.noise)
     scale = 1.0 / np.maximum(np.sqrt(np.sum(jacobian**2, axis=(0, 1))), 1e-300)
     both = np.concatenate([linear.residuals[:, :, None], jacobian * scale], axis=2)
     free = [i for i, n in enumerate(linear.names) if n in solved.free]
-    free = np.array([*free, *range(len(linear.names), jacobian.shape[2])])
+    free = np.array([*free, *range(len(linear.names), jacobian.shape[2] - ways.shape[1])])
     order = np.argsort(rows.visit, kind="stable")
     ending = np.searchsorted(rows.visit, chosen, side="right", sorter=order) - 1
     last = np.maximum.accumulate(rows.sample[order])[ending]

@@ -21,6 +21,8 @@ _STARTS_AT_A_GAP = 30
 _AT_ONCE, _START_ROWS = 30, 60
 """Starts that are worked out together, in a third of the time of five at once, and on how many
 rows: what they leave is asked of more."""
+TURNED_ABOUT = "joints are told from the hand to the base"
+"""How it is said that joints stand in the opposite order."""
 _FEWEST_TURNED_ABOUT = 3
 """Joints of which more are not turned about by exchanging two."""
 _LEAST_GAP = 0.1
@@ -127,9 +129,7 @@ def _exchanged(
         order[[i, j]] = j, i
         orders.append((f"the readings of {joints[i]} and {joints[j]} are exchanged", order))
     if all_pairs and n > _FEWEST_TURNED_ABOUT:
-        words = (
-            f"joints are told from the hand to the base, {joints[0]} first: name the base's first"
-        )
+        words = f"{TURNED_ABOUT}, {joints[0]} first: name the base's first"
         orders.insert(n - 1, (words, np.arange(n)[::-1]))
     for words, order in orders:
         mended = replace(observations, angles=observations.angles[:, order])

@@ -18,7 +18,7 @@ from nico_selfmodel.estimation.monitoring.monitored_changes import (
 )
 from nico_selfmodel.estimation.tree.tree_parameters import FRAME_PARTS
 from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS as PLACES
-from nico_selfmodel.geometry.rotation import skew
+from nico_selfmodel.geometry.rotation import slope_together
 from nico_selfmodel.model.tree.body_tree import REVOLUTE, WORLD, Attached, BodyTree
 
 _WAYS = np.vstack([np.eye(3), -np.eye(3)])
@@ -90,14 +90,13 @@ def _parts(name: str, parts: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _carried_together(tree: BodyTree, names: tuple[str, ...]) -> Iterator[Hypothesis]:
-    """Yield that all markers of a link move together, p -> p + w x p + t."""
+    """Yield that all markers of a link move together."""
     for i, joint in enumerate(tree.joints):
         own: list[Attached] = [m for m in tree.markers if m.on == i]
         parts = tuple(part for m in own for part in _parts(m.name, PLACES))
         if len(own) < 2 or not set(parts) <= set(names):
             continue
-        middle = np.mean([m.X_LA[:3, 3] for m in own], axis=0)
         basis = np.zeros((len(names), 6))
-        moved = [np.hstack([-skew(m.X_LA[:3, 3] - middle), np.eye(3)]) for m in own]
-        basis[[names.index(part) for part in parts]] = np.vstack(moved)
+        moved = slope_together([m.X_LA[:3, 3] for m in own])
+        basis[[names.index(part) for part in parts]] = moved.reshape(-1, 6)
         yield Hypothesis(f"all markers on {joint} together", parts, basis)

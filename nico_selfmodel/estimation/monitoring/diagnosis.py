@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.monitoring.change_likelihood import ChangeEstimate, ChangeLikelihood
 from nico_selfmodel.estimation.monitoring.monitored_changes import RIGHT_POSE, left_camera
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
-from nico_selfmodel.geometry.rotation import skew
+from nico_selfmodel.geometry.rotation import slope_together
 from nico_selfmodel.model.arm.dh_parameters import M0_NAMES
 from nico_selfmodel.model.noise_mixture import NoiseMixture
 from nico_selfmodel.model.self_model import SelfModel
@@ -147,11 +147,10 @@ def simple_hypothesis(cause: str, own: tuple[str, ...], names: tuple[str, ...]) 
 
 
 def _hand(model: SelfModel, names: tuple[str, ...]) -> Hypothesis:
-    """All points move together, p -> p + w x p + t: what carries them sits otherwise."""
+    """All points move together: what carries them sits otherwise."""
     own = tuple(f"hand.{marker}.{axis}" for marker in model.markers for axis in "xyz")
-    moved = [np.hstack([-skew(p), np.eye(3)]) for p in model.dh.p_NH]
     basis = np.zeros((len(names), 6))
-    basis[[names.index(name) for name in own]] = np.vstack(moved)
+    basis[[names.index(name) for name in own]] = slope_together(model.dh.p_NH).reshape(-1, 6)
     return Hypothesis("all points on the hand together", own, basis)
 
 

@@ -12,6 +12,7 @@ from nico_selfmodel.estimation.tree.contradictions.held_scores import (
     HeldScore,
     severity_of,
     size_of,
+    target_on,
 )
 from nico_selfmodel.estimation.tree.contradictions.sensor_noise import (
     CHECK_TOUCHES,
@@ -28,6 +29,7 @@ from nico_selfmodel.estimation.tree.contradictions.wrong_readings import (
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_setup import KNOWN_PLACES
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import PRISMATIC, WORLD
 from nico_selfmodel.names import listed
@@ -208,7 +210,8 @@ def _of_sensors(calibration: TreeCalibration, *, lengths: bool) -> list[Finding]
         what = f"what sensor {name!r} measured is" if measured else f"{name} is told"
         text = (
             f"{what} {factor:.4g} +- {factor * score.sigma[0]:.2g} times as long as all else "
-            "says: check the size of the target (a tag, a board's squares), distances, and units"
+            "says: check the size of the target (a tag, a board's squares, `xyz` of markers), "
+            "distances, and units"
         )
         found.append(Finding(severity, text))
     for severity, wishes in lenses.items():
@@ -226,8 +229,10 @@ def size_words(calibration: TreeCalibration) -> list[str]:
     """Say where lengths rest on a target's stated size, and how well all else tells that."""
     poses = {s.name for s in calibration.data.sensors if s.kind == POSES}
     rests = {name: f"of what sensor {name!r} takes the poses of" for name in poses}
-    boards = (calibration.data.joints[i].name for i in calibration.data.free_joints)
-    rests |= {size_of(board): f"of {size_of(board)}" for board in boards}
+    boards = [size_of(calibration.data.joints[i].name) for i in calibration.data.free_joints]
+    if calibration.setup.scale_from == KNOWN_PLACES:
+        boards += [target_on(link) for link in {marker.on for marker in calibration.data.markers}]
+    rests |= {board: f"of {board}" for board in boards}
     return [
         f"lengths rest on the size that is stated {rests[name]}: "
         + (

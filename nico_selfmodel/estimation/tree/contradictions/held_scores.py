@@ -66,11 +66,12 @@ def held_scores(problem: TreeProblem, solution: TreeSolution) -> dict[str, HeldS
     Returns:
         Sensor -> of a camera whose lens was held, the score of fx, fy, cx and cy [px]; of others
         that of the logarithm of the factor by which what they measure is too long; and by
-        `size_of` a board that of the factor by which it is told too large.
+        `size_of` a board or `target_on` a link that of the factor by which it is told too large.
     """
     seen = problem.observations
     linear = problem.residuals.linear(solution.values, problem.poses)
-    sizes = _by_sizes(seen, linear)
+    targets = _by_places(problem, linear)
+    sizes = {**_by_sizes(seen, linear), **targets}
     both = replace(linear, J=np.vstack([linear.J, *sizes.values()]))
     alone = PosesApart.of(seen, ~solution.outliers[seen.row]).eliminated(both, problem.scale)
     columns = {**_by_lenses(problem, alone), **_by_lengths(seen, linear)}
@@ -87,6 +88,8 @@ def held_scores(problem: TreeProblem, solution: TreeSolution) -> dict[str, HeldS
     scores = {}
     for (name, column), first, last in zip(columns.items(), at[:-1], at[1:], strict=True):
         scalars = int(column.any(axis=1).sum())
+        if name in targets:
+            scalars = min(scalars, 6 * _sights(seen, column[:, 0]))
         scores[name] = _score(Z[:, first:last], z, variance, scalars, described, told - 1.0)
     return scores
 
@@ -94,6 +97,11 @@ def held_scores(problem: TreeProblem, solution: TreeSolution) -> dict[str, HeldS
 def size_of(board: str) -> str:
     """Return what the score of a board's size is called."""
     return f"board {board!r}"
+
+
+def target_on(link: str) -> str:
+    """Return what the score of places that are told of a link's markers is called."""
+    return f"target on {link!r}"
 
 
 def _described(problem: TreeProblem, rows: int) -> NDArray:
@@ -147,6 +155,32 @@ def _by_sizes(seen: TreeObservations, linear: TreeLinear) -> dict[str, NDArray]:
         off = np.sum(linear.by_joint[:, shift] * np.einsum("rij,rj->ri", R, place[marker]), axis=1)
         found[size_of(data.joints[i].name)] = np.where(data.seen_on[seen.row] == i, -off, 0.0)
     return found
+
+
+def _by_places(problem: TreeProblem, linear: TreeLinear) -> dict[str, NDArray]:
+    """Return derivatives by the logarithm of how much too large places are told. (R,) each.
+
+    Of each link, and of the world, on which places of markers are held as they are told.
+    """
+    index, free = problem.residuals.parameters.index, set(problem.free_names)
+    data, found = problem.observations.data, dict[str, NDArray]()
+    for marker in data.markers:
+        names = [f"{marker.name}.{part}" for part in "xyz"]
+        if marker.xyz is None or names[0] not in index or free & set(names):
+            continue
+        row = -np.array(marker.xyz) @ linear.J[[index[name] for name in names]]
+        key = target_on(marker.on)
+        found[key] = found.get(key, 0.0) + row
+    return found
+
+
+def _sights(seen: TreeObservations, column: NDArray) -> int:
+    """Return in how many sights a target was seen.
+
+    The shape in one says nothing of lengths, only where the target is: six numbers.
+    """
+    table, rows = seen.data.observations, np.unique(seen.row[column != 0.0])
+    return len(np.unique(np.stack([table.pose[rows], table.sensor[rows]]), axis=1).T)
 
 
 def _beside(

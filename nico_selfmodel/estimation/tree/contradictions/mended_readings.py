@@ -12,6 +12,7 @@ from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.errors import DataError, SelfModelError
 from nico_selfmodel.estimation.diagnosis.fault_hypotheses import causes_of_misfit
 from nico_selfmodel.estimation.diagnosis.mistaken_units import OTHER_UNIT, mistaken_units
+from nico_selfmodel.estimation.diagnosis.suspected_readings import TURNED_ABOUT
 from nico_selfmodel.estimation.initialization.axis_search import random_starts
 from nico_selfmodel.estimation.initialization.start_search import (
     ENOUGH_AGREE,
@@ -108,7 +109,16 @@ def _refuse_misread_limbs(found: FoundStart, data: BodyDataset, seed: int) -> No
             continue
         causes = _causes_in_limb(data, found.tree, points, link, joints, seed)
         if causes:
-            raise DataError(f"no body explains data set {data.name!r}: {causes[0]}")
+            cause = f"{causes[0]}{_or_inverted(data, causes[0])}"
+            raise DataError(f"no body explains data set {data.name!r}: {cause}")
+
+
+def _or_inverted(data: BodyDataset, cause: str) -> str:
+    """Say that poses told the other way round fit as an arm does whose joints are turned about."""
+    told = [s.name for s in data.sensors if (s.kind, s.on) == (POSES, WORLD_NAME)]
+    if not (told and cause.startswith(TURNED_ABOUT)):
+        return ""
+    return f", or invert what {told[0]!r} tells, if these are its own poses in a marker's frame"
 
 
 def _is_no_arms(data: BodyDataset, i: int) -> bool:

@@ -25,6 +25,10 @@ _ADVICE = (
     "check units, lenses, which link each marker is on, that readings and what was seen are of the "
     "same moments, and whether something moved during the recording"
 )
+_TURNS_ADVICE = (
+    "check how turns are written (rx, ry, rz: axis times angle in radians; qw: the quaternion's "
+    "real part) and which way they go (of the marker in the sensor, not the inverse)"
+)
 CHECK_TOUCHES = (
     "check which marker touched what, whether that moved in between (each place is a sensor of its "
     "own), and the readings of these poses"
@@ -127,9 +131,10 @@ def unexplained_sensors(calibration: TreeCalibration) -> list[str]:
         off = listed([f"{name} ({words})" for name, words in found])
         return [f"the body does not explain what sensors saw, by {off}; {_ADVICE}"]
     ((name, off),) = found
+    advice = _ADVICE if " in what spreads by " in off else f"{_TURNS_ADVICE}; else {_ADVICE}"
     return [
         f"what sensor {name} saw would have to be off by {off}: the body does not explain it; "
-        f"{_ADVICE}"
+        f"{advice}"
     ]
 
 

@@ -22,7 +22,7 @@ from nico_selfmodel.estimation.diagnosis.changes_in_time import (
     likeliest_change,
     mirror_words,
     mixed_in_time,
-    verb,
+    moved_words,
 )
 from nico_selfmodel.estimation.diagnosis.jump_taken_for_noise import jump_taken_for_noise
 from nico_selfmodel.estimation.diagnosis.score_sums import CourseFound, Left, ScoreSums
@@ -32,7 +32,12 @@ from nico_selfmodel.estimation.tree.tree_noise import tree_whitening
 from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, TURNS
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
-from nico_selfmodel.model.tree.body_tree import PRISMATIC, WHOLE_POSES
+from nico_selfmodel.geometry.rotation import (
+    rotation_vector_of,
+    rotation_vector_slope,
+    slope_together,
+)
+from nico_selfmodel.model.tree.body_tree import PRISMATIC, WHOLE_POSES, WORLD_NAME, Attached
 
 LEAST_RATIO = 1.02
 """Mean residual of what a change moves, without it over with it, below which nobody is told."""
@@ -60,7 +65,7 @@ def moved_meanwhile(problem: TreeProblem, solution: TreeSolution) -> Change | No
     last = np.full(rank.max() + 1, np.iinfo(data.sample.dtype).min)
     np.maximum.at(last, rank[timed], data.sample[timed])
     linear = problem.residuals.linear(solution.values)
-    groups, columns = _groups(problem, linear, solution.outliers)
+    groups, columns = _groups(problem, linear, solution)
     white, left = _left(problem, solution, linear, columns, rank[seen.sample])
     size = white.shape[1] ** 2
     most = int(np.clip(_MOST_NUMBERS / size, _FEWEST_SPANS, _MOST_SPANS))
@@ -189,13 +194,13 @@ def _now_and_then(problem: TreeProblem, solution: TreeSolution) -> NDArray:
 
 
 def _groups(
-    problem: TreeProblem, linear: TreeLinear, outliers: NDArray
+    problem: TreeProblem, linear: TreeLinear, solution: TreeSolution
 ) -> tuple[list[tuple[Words, list[int]]], NDArray]:
     """Return what may change together, with its words, and columns beside the free ones."""
     found: list[tuple[Words, list[int]]] = []
     columns: list[NDArray] = []
     free = len(problem.free_names)
-    for words, parts in _changes(problem, linear, outliers):
+    for words, parts in _changes(problem, linear, solution):
         kept = [part for part in parts if part.any()]
         if len(kept) == len(parts):
             found.append((words, list(range(free + len(columns), free + len(columns) + len(kept)))))
@@ -204,7 +209,7 @@ def _groups(
 
 
 def _changes(
-    problem: TreeProblem, linear: TreeLinear, outliers: NDArray
+    problem: TreeProblem, linear: TreeLinear, solution: TreeSolution
 ) -> Iterator[tuple[Words, list[NDArray]]]:
     """Yield words and derivatives of what may change together."""
     seen, parameters = problem.observations, problem.residuals.parameters
@@ -214,39 +219,55 @@ def _changes(
         if motion not in WHOLE_POSES and not part:
             yield encoder_words(name, motion == PRISMATIC), [linear.by_joint[:, k]]
     table, count = data.observations, len(data.markers)
-    told = np.bincount(table.marker[(table.pose != ANY_POSE) & ~outliers], minlength=count)
+    kept = (table.pose != ANY_POSE) & ~solution.outliers
+    told = np.bincount(table.marker[kept], minlength=count)
     # One that stands still before a standing sensor moves as that sensor does.
     carried = np.array([data.on_link(sensor.on) >= 0 for sensor in data.sensors])
     passing = np.bincount(table.marker[carried[table.sensor]], minlength=count) > 0
     passing |= [data.on_link(marker.on) >= 0 for marker in data.markers]
-    for marker, seen_often in zip(data.markers, (told >= FEWEST_VISITS) & passing, strict=True):
+    tree, together = parameters.tree_of(solution.values), dict[str, list[Attached]]()
+    seen_often = (told >= FEWEST_VISITS) & passing
+    for marker, placed, often in zip(data.markers, tree.markers, seen_often, strict=True):
         places, turns = ([f"{marker.name}.{part}" for part in parts] for parts in (SHIFTS, TURNS))
-        if not seen_often or places[0] not in index:
+        if not often or places[0] not in index:
             continue  # corners of a board have no place of their own
+        together.setdefault(marker.on, []).append(placed)
         where = "on its link" if data.on_link(marker.on) >= 0 else "in the room"
         what, shifts = f"marker {marker.name!r}", [linear.J[index[name]] for name in places]
         yield _shifted(f"{what} {{}} {where}"), shifts
         if turns[0] in index:
-            yield _moved(what), [*shifts, *(linear.J[index[name]] for name in turns)]
+            yield moved_words(what), [*shifts, *(linear.J[index[name]] for name in turns)]
     for rows in {rows.name: rows for rows in seen.sensors if rows.kind in SIGHTS}.values():
         names = [f"{rows.name}.{part}" for part in (*SHIFTS, *TURNS)]
-        yield _moved(f"sensor {rows.name!r}"), [linear.J[index[name]] for name in names]
+        yield moved_words(f"sensor {rows.name!r}"), [linear.J[index[name]] for name in names]
+    for link, markers in together.items():
+        if len(markers) > 1:
+            where = "in the room" if link == WORLD_NAME else f"on {link!r}"
+            yield moved_words(f"what carries markers {where}"), _as_one(markers, linear, index)
     for mirror in base.mirrors:
         columns = [linear.J[index[name]] for name in mirror.names]
         yield mirror_words(mirror.name), columns
+
+
+def _as_one(markers: list[Attached], linear: TreeLinear, index: dict[str, int]) -> list[NDArray]:
+    """Return derivatives by what shifts and turns markers of a link together.
+
+    A turn exp(u) goes by w = J du, J the left Jacobian.
+    """
+    places = slope_together([marker.X_LA[:3, 3] for marker in markers])
+    out = np.zeros((6, len(linear.r)))
+    for marker, slope in zip(markers, places, strict=True):
+        out += slope.T @ linear.J[[index[f"{marker.name}.{part}"] for part in SHIFTS]]
+        if f"{marker.name}.{TURNS[0]}" in index:
+            own = linear.J[[index[f"{marker.name}.{part}"] for part in TURNS]]
+            left = rotation_vector_slope(rotation_vector_of(marker.X_LA[:3, :3]))
+            out[3:] += np.linalg.inv(left).T @ own
+    return [*out]
 
 
 def _shifted(what: str) -> Words:
     def words(size: NDArray, drift: bool) -> str:
         far = 1e3 * float(np.linalg.norm(size))
         return f"{what.format('wandered' if drift else 'slipped')} by about {far:.2g} mm"
-
-    return words
-
-
-def _moved(what: str) -> Words:
-    def words(size: NDArray, drift: bool) -> str:
-        far, turn = 1e3 * np.linalg.norm(size[:3]), np.degrees(np.linalg.norm(size[3:]))
-        return f"{what} {verb(drift)} by about {far:.2g} mm and {turn:.2g} deg"
 
     return words
