@@ -7,14 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from nico_selfmodel.dataset.body.sensors import SensorInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.tree.contradictions.mended_readings import start_as_it_was_read
 from nico_selfmodel.estimation.tree.guesses.start_search import searched_start
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_setup import Wishes, blank_body
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.transform import transform
 
-from .simulated_trees import observed, one_arm
+from .simulated_trees import assembled, observed, one_arm, serial, tags
 
 
 def read_in(data, stated, mistaken):
@@ -78,6 +81,43 @@ def test_readings_that_are_other_joints_or_samples_are_named(spoil, sensor, name
     data = one_arm(11, joints=joints, markers=3, sensor=sensor).data
     with pytest.raises(DataError, match=f"no body explains data set .*{named}"):
         calibrate_tree(spoil(data), effects=())
+
+
+def two_limbs(seed):
+    """Two arms of three joints on a torso that turns, before a tracker."""
+    rng = np.random.default_rng(seed)
+    joints, frames = serial(rng, ["torso"], "world", 0.3)
+    markers, places = [], []
+    for side, sign in (("l", 1.0), ("r", -1.0)):
+        names = [f"{side}{i + 1}" for i in range(3)]
+        base = transform(rotation_from_vector([-sign * np.pi / 2, 0.2, 0]), [0, sign * 0.15, 0.25])
+        chain, X = serial(rng, names, "torso", 0.4, base)
+        own, at = tags(rng, side, names[-1], 2)
+        joints, frames, markers, places = joints + chain, frames + X, markers + own, places + at
+    sensors = [SensorInfo("tracker", "points")]
+    tree = assembled(joints, frames, markers, places, sensors, [np.eye(4)], {})
+    q = rng.uniform(-1.2, 1.2, (60, 7)) * ([0.5] + [1.0] * 6)
+    how = {"sigma": {"points": 2e-4, "turn": 2e-3}, "joint_sigma": np.radians(0.02)}
+    return observed(tree, joints, markers, sensors, q, rng, **how)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("changed", "read", "named"),
+    [
+        ([2, 6], [6, 2], "the readings of l2 and r3 are exchanged; then 0"),
+        ([4, 5, 6], None, "the readings of r1, r2, r3 lag: each point fits theirs of"),
+        ([*range(1, 7)], None, "the readings of l1, l2, l3, r1, r2, r3 lag: each point fits"),
+        ([*range(7)], None, "the readings lag: each point fits the readings of the sample after"),
+    ],
+)
+def test_readings_of_another_limb_or_late_in_a_limb_are_named(changed, read, named):
+    data = two_limbs(5)
+    readings, rows = data.readings.copy(), np.arange(len(data.sample))
+    then = np.roll(rows, 1) if read is None else rows
+    readings[:, changed] = data.readings[then][:, read or changed]
+    with pytest.raises(DataError, match=f"no body explains data set .*{named}"):
+        calibrate_tree(replace(data, readings=readings), effects=())
 
 
 @pytest.mark.slow

@@ -4,28 +4,32 @@ Each suspicion mends the readings in one way and searches again from random axes
 the data is named. Nothing of it goes into the result: the data are the user's to correct.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.diagnosis.exchanged_distances import exchanged_by_distance
 from nico_selfmodel.estimation.diagnosis.suspected_readings import (
+    LateReadings,
+    Suspicion,
     Worth,
     suspicions_of,
     with_starts,
 )
 from nico_selfmodel.estimation.initialization.start_search import (
+    ASTRAY,
     ENOUGH_AGREE,
     LineSolution,
     StartSearch,
     distances_between,
+    left_by,
     refine_lines,
 )
-from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.results.verdict import MOST_OUTLIERS
-from nico_selfmodel.optimization.losses import robust_scale
 
 _MOST_STARTS = 300
 """Starts that the search may cost in all."""
@@ -45,6 +49,7 @@ _RIGID = 0.02
 """Scatter of a distance over the workspace's size above which two markers are not on one link."""
 _NORMAL_THIRD = 2.3219
 """Standard deviation over the deviation that a third of normal values lie within."""
+_AGREE = "then the starts agree"
 _UNIT_HINTS = ((180.0 / np.pi, "rad stated as deg"), (np.pi / 180.0, "deg stated as rad"))
 
 
@@ -56,6 +61,10 @@ class Causes:
     """What would make the data fit, a sentence each."""
     stopped_after: int | None = None
     """Starts after which the search gave up; None where it tried all it knows."""
+    late: LateReadings | None = None
+    """What is of another sample, where that is what would."""
+    left: str = ""
+    """What remains then, in words."""
 
 
 def causes_of_misfit(
@@ -67,6 +76,7 @@ def causes_of_misfit(
     sigma: float,
     loss: str,
     scatter: float,
+    beside: Sequence[Suspicion] = (),
 ) -> Causes:
     """Name what would make the data fit, where they do not.
 
@@ -79,6 +89,7 @@ def causes_of_misfit(
         sigma: Whitening of the residuals [m].
         loss: One of `optimization.robust_solve.ROBUST_METHODS`.
         scatter: Of an inlier coordinate about the refined arm, whatever is said to explain it [m].
+        beside: What may be wrong besides, of an arm that is part of a body; asked last.
 
     Returns:
         What was found; empty where the arm explains the data or nothing tried does.
@@ -91,19 +102,22 @@ def causes_of_misfit(
         return Causes()
     held, robust = gear_pinned & gear_known, "none" if loss == "none" else "cauchy"
     searched = unexplained > _WORTH_A_SEARCH or before.wrong > MOST_OUTLIERS
-    left = _MOST_STARTS
+    left = _MOST_STARTS + sum(one.starts for one in beside)
     # What a start leaves falls little any more when it is refined.
     worst = before.noise * (1.0 if bad and before.wrong <= _MANY_OUTLIERS else _BETTER)
+    worst = min(worst, ASTRAY * observations.size)
     worth = Worth.NEIGHBOURS if unexplained > _WORTH_A_LOOK else Worth.GAPS
     worth = Worth.EVERYTHING if searched else worth
-    suspicions = suspicions_of(observations, gear_pinned, held, worth)
+    suspicions = chain(
+        suspicions_of(observations, gear_pinned, held, worth), beside if searched else ()
+    )
     for suspicion, drawn in with_starts(suspicions, gear_known, zero, worst):
         mended, pinned, reached = suspicion.few, suspicion.gear_pinned, 0
         if left <= 0:
             return Causes(stopped_after=_MOST_STARTS)
         for start in drawn[:left]:
             left -= 1
-            if _left_by(start, mended) > worst:
+            if left_by(start, mended) > worst:
                 continue
             found = refine_lines(mended, start, pinned, sigma, robust, rough=True)
             after = _Misfit.of(found, sigma)
@@ -111,15 +125,10 @@ def causes_of_misfit(
             if reached == (1 if bad else ENOUGH_AGREE):
                 gears = suspicion.gears_in_question
                 asked = _gears_in_words(observations.joints, found.arm.gear, held) if gears else ""
-                words = f"{suspicion.words}{asked}; then {after} remain instead of {before}"
-                return Causes((words if bad else f"{suspicion.words}; then the starts agree",))
+                rest = f"then {after} remain instead of {before}" if bad else _AGREE
+                words = f"{suspicion.words}{asked if bad else ''}; {rest}"
+                return Causes((words,), late=suspicion.late, left=rest)
     return Causes()
-
-
-def _left_by(start: ArmEstimate, observations: Observations) -> float:
-    """Return the standard deviation of an inlier coordinate about a start [m]."""
-    predicted = start.predict(observations.angles, observations.marker)
-    return robust_scale(np.linalg.norm(predicted - observations.p_WH, axis=1), 3)
 
 
 @dataclass(frozen=True)

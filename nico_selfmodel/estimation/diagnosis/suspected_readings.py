@@ -1,6 +1,6 @@
 """What may be wrong with the readings of an arm, each mended in one way, and where to start."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
@@ -14,6 +14,7 @@ from nico_selfmodel.estimation.initialization.axis_search import first_starts_of
 from nico_selfmodel.estimation.initialization.start_search import few_rows
 from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.names import listed
 
 _STARTS = 10
 _STARTS_AT_A_GAP = 30
@@ -37,6 +38,27 @@ class Worth(Enum):
     EVERYTHING = "all there is"
 
 
+@dataclass(frozen=True)
+class LateReadings:
+    """Readings that are of another sample than what was seen beside them."""
+
+    joints: tuple[str, ...]
+    """Whose; empty where they are all joints'."""
+    shift: int
+    """Whose readings a point fits: of the sample before (-1) or after (+1) its own, or of more."""
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        words = "before" if self.shift < 0 else "after"
+        which = "the sample" if abs(self.shift) == 1 else f"{abs(self.shift)} samples"
+        of = f" of {listed(self.joints)}" if self.joints else ""
+        theirs = "theirs" if self.joints else "the readings"
+        return (
+            f"the readings{of} lag: each point fits {theirs} of {which} {words} its own; pair them "
+            "by the time they were taken"
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Suspicion:
     """Readings mended in one way."""
@@ -46,6 +68,8 @@ class Suspicion:
     gear_pinned: NDArray
     gears_in_question: bool = False
     starts: int = _STARTS
+    late: LateReadings | None = None
+    """What is of another sample in them."""
 
     @cached_property
     def few(self) -> Observations:
@@ -84,7 +108,7 @@ def suspicions_of(
         )
     if worth is Worth.EVERYTHING:
         yield from _other_units(observations, gear_pinned, held)
-        yield from _lagging(observations, gear_pinned, (-1, 1))
+        yield from lagging(observations, gear_pinned, (-1, 1))
     if worth is not Worth.GAPS:
         few = few_rows(observations, 0)
         yield from _exchanged(few, gear_pinned, all_pairs=worth is Worth.EVERYTHING)
@@ -97,24 +121,29 @@ def suspicions_of(
             gear_pinned & ~held,
             gears_in_question=True,
         )
-    yield from _lagging(observations, gear_pinned, (-2, 2))
+    yield from lagging(observations, gear_pinned, (-2, 2))
 
 
-def _lagging(
-    observations: Observations, gear_pinned: NDArray, shifts: Iterable[int]
+def lagging(
+    observations: Observations,
+    gear_pinned: NDArray,
+    shifts: Iterable[int],
+    joints: Sequence[int] = (),
 ) -> Iterator[Suspicion]:
-    """Yield readings of samples before or after their own."""
+    """Yield readings of samples before or after their own.
+
+    Args:
+        observations: What was measured.
+        gear_pinned: Gears that are held. Shape (n,).
+        shifts: By how many samples, before (-) or after (+).
+        joints: Whose readings; of all if omitted.
+    """
+    late = [*joints] or [*range(len(observations.joints))]
     for shift in shifts:
-        shifted = _shifted(observations, shift)
+        shifted = _shifted(observations, shift, late)
         if shifted is not None:
-            words = "before" if shift < 0 else "after"
-            which = "the sample" if abs(shift) == 1 else f"{abs(shift)} samples"
-            yield Suspicion(
-                f"the readings lag: each point fits the readings of {which} {words} its own; "
-                "pair them by the time they were taken",
-                shifted,
-                gear_pinned,
-            )
+            cause = LateReadings(tuple(observations.joints[i] for i in joints), shift)
+            yield Suspicion(str(cause), shifted, gear_pinned, late=cause)
 
 
 def _exchanged(
@@ -232,8 +261,8 @@ def _wrap_words(observations: Observations, unwrapped: NDArray, joints: list[int
     )
 
 
-def _shifted(observations: Observations, shift: int) -> Observations | None:
-    """Pair each point with the readings of the sample before (-1) or after (+1) its own."""
+def _shifted(observations: Observations, shift: int, joints: list[int]) -> Observations | None:
+    """Pair each point with joints' readings of the sample before (-1) or after (+1) its own."""
     first = dict(zip(observations.sample.tolist(), range(len(observations)), strict=True))
     partner = [first.get(s + shift, -1) for s in observations.sample.tolist()]
     has = np.array(partner) >= 0
@@ -243,4 +272,6 @@ def _shifted(observations: Observations, shift: int) -> Observations | None:
     ):
         return None
     kept = observations.select(has)
-    return replace(kept, angles=observations.angles[np.array(partner)[has]])
+    angles = kept.angles.copy()
+    angles[:, joints] = observations.angles[np.array(partner)[has]][:, joints]
+    return replace(kept, angles=angles)

@@ -26,6 +26,9 @@ _TRIED = 8
 """... after this many starts where all are random; or so many agree."""
 _MOST_LEFT = 0.02
 """Above this share of the workspace only many that agree end the search."""
+ASTRAY = 0.1
+"""Share of the workspace that a random start leaves, itself a local optimum, above which it is a
+wrong one: a right one leaves noise, be there outliers."""
 _SEEN_TOGETHER = 5
 """Samples with both of two markers that tell how their distance scatters."""
 SEARCH_ROWS = 150
@@ -109,6 +112,7 @@ def search_starts(
     pinned_gears: NDArray,
     sigma: float,
     loss: str,
+    astray: float = np.inf,
 ) -> StartSearch:
     """Refine each start, until enough of them agree on the best minimum.
 
@@ -119,6 +123,8 @@ def search_starts(
         pinned_gears: Gears that stay. Shape (n,).
         sigma: Whitening of the residuals [m].
         loss: One of `optimization.robust_solve.ROBUST_METHODS`.
+        astray: Standard deviation of an inlier coordinate above which a start that leaves more than
+            another one is not refined [m].
 
     Returns:
         The best minimum, and how many starts reached it.
@@ -126,18 +132,29 @@ def search_starts(
     first_pass = "none" if loss == "none" else "cauchy"
     found: list[tuple[str, LineSolution]] = []
     scores, agree = np.zeros(0), np.zeros(0, dtype=bool)
-    for label, start in starts:
+    least = np.inf
+    for tried, (label, start) in enumerate(starts, start=1):
+        left = left_by(start, few) if np.isfinite(astray) else 0.0
+        if left > max(astray, least):
+            continue
+        least = min(least, left)
         refined = refine_lines(few, start, pinned_gears, sigma, first_pass, rough=True)
         found.append((label, refined))
         scores = _scores([solution for _, solution in found], loss)
         agree = _agree([solution for _, solution in found], int(np.argmin(scores)))
         best = found[int(np.argmin(scores))][1]
-        if _enough(best, int(agree.sum()), len(found), found[0][0] != RANDOM, few):
+        if _enough(best, int(agree.sum()), tried, found[0][0] != RANDOM, few):
             break
     label, solution = found[int(np.argmax(agree))]
     solution = refine_lines(observations, solution.arm, pinned_gears, sigma, loss)
     labels = tuple(name for name, _ in found)
     return StartSearch(solution, label, labels, scores, int(agree.sum()))
+
+
+def left_by(start: ArmEstimate, observations: Observations) -> float:
+    """Return the standard deviation of an inlier coordinate about a start [m]."""
+    predicted = start.predict(observations.angles, observations.marker)
+    return robust_scale(np.linalg.norm(predicted - observations.p_WH, axis=1), 3)
 
 
 def _enough(

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.bending.ladder import Ladder, climb
 from nico_selfmodel.estimation.bending.steps import STEPS
 from nico_selfmodel.estimation.bending.what_bends import At
@@ -241,7 +240,8 @@ def calibrate_tree(
     first = agreeing_start(found.start, found.tree, wishes, found.scalars, found.begin)
     held, masses = frozenset(wishes.pins.pinned), description and description.masses
     bends = partial(_bent, held=held, effects=effects, up=up, seed=seed, masses=masses)
-    return _finished(first, data, test, description, name, found.costs, clock, bends)
+    refined = found.refined if first is found.start else first.refined(found.observations)
+    return _finished(first, refined, data, test, description, name, found.costs, clock, bends)
 
 
 def refit_tree(
@@ -282,7 +282,8 @@ def refit_tree(
     def as_it_was(problem: TreeProblem, solution: TreeSolution) -> Ladder:
         return Ladder((), TreeBend(problem, solution))
 
-    return _finished(first, data, test, None, name, [0.0], clock, as_it_was, noise, anew=True)
+    refined = first.refined(TreeObservations.of(data), noise)
+    return _finished(first, refined, data, test, None, name, [0.0], clock, as_it_was, anew=True)
 
 
 def _bent(
@@ -301,6 +302,7 @@ def _bent(
 
 def _finished(
     start: TreeStart,
+    refined: tuple[TreeProblem, TreeSolution],
     data: BodyDataset,
     test: BodyDataset | None,
     description: Description | None,
@@ -308,21 +310,11 @@ def _finished(
     costs: Sequence[float],
     clock: float,
     bends: Callable[[TreeProblem, TreeSolution], Ladder],
-    noise: TreeNoise | None = None,
     *,
     anew: bool = False,
 ) -> TreeCalibration:
     parameters, setup = start.parameters, start.setup
-    residuals = TreeResiduals(TreeObservations.of(data), parameters)
-    if len(setup.free) > residuals.observations.scalars + len(setup.priors):
-        raise DataError(
-            f"data set {data.name!r} has {residuals.observations.scalars} numbers for "
-            f"{len(setup.free)} parameters: record more poses, or fix parameters"
-        )
-    problem = TreeProblem(
-        residuals, setup.free, setup.priors, noise, noise_known=noise is not None, alike=setup.alike
-    )
-    rigid = problem.refine(start.values)
+    problem, rigid = refined
     told = {name: mean for name, (mean, _) in setup.priors.items()} | dict(setup.fixed)
     cause = dead_encoders(data, data.joint_names) or too_short(setup.scale_from, told)
     lost = hardly_seen(data, ~rigid.outliers)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.guesses.told_frames import framed, told_size
 from nico_selfmodel.estimation.tree.guesses.touch_guess import Touches
@@ -25,6 +26,7 @@ from nico_selfmodel.estimation.tree.tree_setup import (
     held_scale,
     setup_of,
 )
+from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.model.tree.body_tree import BodyTree
 
 _TURNS = 4
@@ -45,6 +47,29 @@ class TreeStart:
     """Of the parameters. Shape (P,)."""
     cost: float
     """By which starts are compared."""
+
+    def refined(
+        self, observations: TreeObservations, noise: TreeNoise | None = None
+    ) -> tuple[TreeProblem, TreeSolution]:
+        """Adjust it to the end; return the problem, and where that is.
+
+        Args:
+            observations: What was measured.
+            noise: What disturbs it, where that is known; estimated if omitted.
+
+        Raises:
+            ContradictedError: If every observation is an outlier.
+            DataError: If there are fewer numbers than there are parameters.
+        """
+        residuals, setup = TreeResiduals(observations, self.parameters), self.setup
+        if len(setup.free) > observations.scalars + len(setup.priors):
+            raise DataError(
+                f"data set {observations.data.name!r} has {observations.scalars} numbers for "
+                f"{len(setup.free)} parameters: record more poses, or fix parameters"
+            )
+        known = {"noise": noise, "noise_known": noise is not None}
+        problem = TreeProblem(residuals, setup.free, setup.priors, **known, alike=setup.alike)
+        return problem, problem.refine(self.values)
 
     @classmethod
     def from_body(

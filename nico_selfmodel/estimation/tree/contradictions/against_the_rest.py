@@ -45,7 +45,7 @@ def refuse_odd_sensor(found: FoundStart, data: BodyDataset, search: Search, seed
         DataError: If there are such sensors.
     """
     worst = largest_error(found, data)
-    if worst < LARGEST_NOISE or explained_by_lag(found.start, data):
+    if worst < LARGEST_NOISE or explained_by_lag(found):
         return
     few, parameters = some_samples(data, seed), found.start.parameters
     left_by = dict[str, float]()

@@ -1,49 +1,29 @@
 """Joints read in another unit than stated, the other way, for another or late: mended, they fit."""
 
 from dataclasses import replace
-from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
-from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.errors import DataError, SelfModelError
-from nico_selfmodel.estimation.diagnosis.fault_hypotheses import causes_of_misfit
 from nico_selfmodel.estimation.diagnosis.mistaken_units import OTHER_UNIT, mistaken_units
-from nico_selfmodel.estimation.diagnosis.suspected_readings import TURNED_ABOUT
-from nico_selfmodel.estimation.initialization.axis_search import random_starts
-from nico_selfmodel.estimation.initialization.start_search import (
-    ENOUGH_AGREE,
-    RANDOM,
-    few_rows,
-    search_starts,
-)
 from nico_selfmodel.estimation.tree.contradictions.against_the_rest import (
     FEW_STARTS,
     Search,
     some_samples,
 )
+from nico_selfmodel.estimation.tree.contradictions.misread_limbs import refuse_misread_limbs
 from nico_selfmodel.estimation.tree.contradictions.standing_still import still_readings
-from nico_selfmodel.estimation.tree.guesses.carried_cameras import reconstructed_by
-from nico_selfmodel.estimation.tree.guesses.point_guess import (
-    POINT_SIGMA,
-    SeenPoints,
-    limb_observations,
-)
 from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart
 from nico_selfmodel.estimation.tree.timing.late_sensors import explained_by_lag
-from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
-from nico_selfmodel.model.tree.body_tree import REVOLUTE, WHOLE_POSES, WORLD, BodyTree
+from nico_selfmodel.model.tree.body_tree import REVOLUTE, WHOLE_POSES
 from nico_selfmodel.names import listed
 
 _SMALLER = 2.0
 """Times that errors are smaller with a unit that is mended, at least."""
 _POOR = 4.0
 """Robust cost a scalar of a first body from which on errors are several times a sensor's."""
-_LIMB_STARTS = 10
-"""Random starts of a limb of which all is asked anew."""
 
 
 def start_as_it_was_read(
@@ -65,11 +45,11 @@ def start_as_it_was_read(
         DataError: If there are such joints; it names them and their unit.
     """
     found = _in_stated_units(data, moving, search)
-    if found.start.cost > _POOR * found.scalars and not explained_by_lag(found.start, data):
+    if found.start.cost > _POOR * found.scalars and not explained_by_lag(found):
         if described:
             _refuse_reversed(data, moving, search, seed)
         else:
-            _refuse_misread_limbs(found, data, seed)
+            refuse_misread_limbs(found, data, seed)
     return found
 
 
@@ -92,71 +72,6 @@ def _refuse_reversed(data: BodyDataset, moving: NDArray, search: Search, seed: i
             f"same observations fit; say `sign: -1` of it in data set {data.name!r}, or turn its "
             "axis in the robot's description"
         )
-
-
-def _refuse_misread_limbs(found: FoundStart, data: BodyDataset, seed: int) -> None:
-    """Refuse readings that no body explains and one arm does, once they are mended.
-
-    Each limb of joints that turn is asked by its points in space as an arm alone is: whether two of
-    its joints are read for each other, its readings jump by a turn, or are of another sample.
-    """
-    points = _in_space(found, data)
-    if points is None:
-        return
-    for link in sorted({found.tree.markers[m].on for m in points.marker.tolist()}):
-        joints = np.flatnonzero(found.tree.beyond[link]).tolist() if link != WORLD else []
-        if not joints or any(_is_no_arms(data, i) for i in joints):
-            continue
-        causes = _causes_in_limb(data, found.tree, points, link, joints, seed)
-        if causes:
-            cause = f"{causes[0]}{_or_inverted(data, causes[0])}"
-            raise DataError(f"no body explains data set {data.name!r}: {cause}")
-
-
-def _or_inverted(data: BodyDataset, cause: str) -> str:
-    """Say that poses told the other way round fit as an arm does whose joints are turned about."""
-    told = [s.name for s in data.sensors if (s.kind, s.on) == (POSES, WORLD_NAME)]
-    if not (told and cause.startswith(TURNED_ABOUT)):
-        return ""
-    return f", or invert what {told[0]!r} tells, if these are its own poses in a marker's frame"
-
-
-def _is_no_arms(data: BodyDataset, i: int) -> bool:
-    return data.joints[i].motion != REVOLUTE or bool(data.joints[i].follows)
-
-
-def _causes_in_limb(
-    data: BodyDataset, tree: BodyTree, points: SeenPoints, link: int, joints: list[int], seed: int
-) -> tuple[str, ...]:
-    """Return what would make one limb fit, where it does not."""
-    carried = [m for m, marker in enumerate(tree.markers) if marker.on == link]
-    local = points.of_markers(np.array(carried))
-    observations = limb_observations(data, tree, joints, np.unique(local.marker), local)
-    known = np.array([data.joints[i].gear_known for i in joints])
-    zero = np.where(known, 0.0, np.median(observations.angles, axis=0))
-    few = few_rows(observations, seed)
-    drawn = islice(random_starts(few, known, zero, np.random.default_rng(seed)), _LIMB_STARTS)
-    starts = ((RANDOM, arm) for arm in drawn)
-    search = search_starts(observations, few, starts, known, POINT_SIGMA, "cauchy")
-    # That few starts agree is no contradiction.
-    search = replace(search, agreeing=max(search.agreeing, ENOUGH_AGREE))
-    asked = (observations, search, known, known, zero, POINT_SIGMA, "cauchy")
-    return causes_of_misfit(*asked, scatter=0.0).words
-
-
-def _in_space(found: FoundStart, data: BodyDataset) -> SeenPoints | None:
-    """Return markers as what stands in the world located them, whatever joints were read to."""
-    seen = TreeObservations.of(data)
-    standing = [rows for rows in seen.sensors if data.sensors[rows.sensor].on == WORLD_NAME]
-    trackers = [rows for rows in standing if rows.kind in (POINTS, POSES)]
-    cameras = [rows for rows in standing if rows.kind == CAMERA and not rows.mirror]
-    if trackers:
-        first = trackers[0]
-        return SeenPoints(first.pose, first.marker, first.measured[:, :3])
-    if len(cameras) < 2:
-        return None
-    places = {sensor.name: sensor.X_LA for sensor in found.tree.sensors}
-    return reconstructed_by(data, found.tree, cameras, places)
 
 
 def _in_stated_units(data: BodyDataset, moving: NDArray, search: Search) -> FoundStart:

@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.initialization.axis_search import random_starts
-from nico_selfmodel.estimation.initialization.start_search import RANDOM, few_rows, search_starts
+from nico_selfmodel.estimation.initialization.start_search import (
+    ASTRAY,
+    RANDOM,
+    few_rows,
+    search_starts,
+)
 from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.geometry.rotation import tangent_basis
@@ -151,11 +156,12 @@ def _searched(
     zero = np.where(known | shifting, 0.0, np.median(observations.angles, axis=0))
     few = few_rows(observations, seed)
     rng = np.random.default_rng((seed, 1))
-    drawn = islice(random_starts(few, known, zero, rng, shifting=shifting), _STARTS)
+    astray = np.inf if shifting.any() else ASTRAY * few.size
+    drawn = islice(random_starts(few, known, zero, rng, worst=astray, shifting=shifting), _STARTS)
     if shifting.any():
         return _best_of(data, tree, joints, own, local, drawn)
     starts = ((RANDOM, arm) for arm in drawn)
-    arm = search_starts(observations, few, starts, known, POINT_SIGMA, "cauchy").best.arm
+    arm = search_starts(observations, few, starts, known, POINT_SIGMA, "cauchy", astray).best.arm
     return _with_arm(tree, joints, own, arm)
 
 

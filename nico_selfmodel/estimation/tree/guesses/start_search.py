@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import chain
 
 import numpy as np
@@ -14,7 +15,9 @@ from nico_selfmodel.estimation.tree.guesses.lens_guess import FACTORS
 from nico_selfmodel.estimation.tree.guesses.touch_guess import Touches
 from nico_selfmodel.estimation.tree.mirrors.mirrored_tree import seen_directly
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_setup import Description, Wishes
+from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
 from nico_selfmodel.estimation.tree.tree_start import TreeStart
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import BodyTree
@@ -40,10 +43,25 @@ class FoundStart:
     """The first body that it comes from."""
     costs: tuple[float, ...]
     """Of all that were tried, a scalar."""
-    scalars: int
-    """How many numbers were measured."""
     begin: Callable[[str, BodyTree, Wishes], TreeStart]
     """Adjusts a first body roughly under some wishes."""
+    observations: TreeObservations
+    """What was measured."""
+
+    @property
+    def scalars(self) -> int:
+        """How many numbers were measured."""
+        return self.observations.scalars
+
+    @cached_property
+    def refined(self) -> tuple[TreeProblem, TreeSolution]:
+        """The best one adjusted to the end, and its problem.
+
+        Raises:
+            ContradictedError: If every observation is an outlier.
+            DataError: If there are fewer numbers than there are parameters.
+        """
+        return self.start.refined(self.observations)
 
 
 def searched_start(
@@ -92,7 +110,7 @@ def searched_start(
     if few is not data:
         tree = start.parameters.tree_of(start.values)
         start = begin(start.label, tree, wishes)
-    return FoundStart(start, tree, tuple(costs), observations.scalars, begin)
+    return FoundStart(start, tree, tuple(costs), begin, observations)
 
 
 def _few_samples(data: BodyDataset, seed: int) -> BodyDataset:

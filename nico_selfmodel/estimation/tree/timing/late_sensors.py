@@ -16,11 +16,10 @@ from nico_selfmodel.estimation.diagnosis.lag_in_time import (
 )
 from nico_selfmodel.estimation.diagnosis.score_test import ScoreTest
 from nico_selfmodel.estimation.tree.forward.joint_errors import MOST_SLIPS
-from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
-from nico_selfmodel.estimation.tree.tree_start import TreeStart
 from nico_selfmodel.geometry.rotation import rotation_vectors_of
 from nico_selfmodel.model.tree.body_tree import WHOLE_POSES, BodyTree
 
@@ -75,17 +74,14 @@ def late_sensors(
     return late
 
 
-def explained_by_lag(start: TreeStart, data: BodyDataset) -> bool:
+def explained_by_lag(found: FoundStart) -> bool:
     """Return whether sensors or encoders of another moment explain what a first body does not.
 
     Args:
-        start: The first body.
-        data: The recording.
+        found: The first body.
     """
-    residuals = TreeResiduals(TreeObservations.of(data), start.parameters)
-    problem = TreeProblem(residuals, start.setup.free, start.setup.priors, alike=start.setup.alike)
     try:
-        late = late_sensors(problem, problem.refine(start.values))
+        late = late_sensors(*found.refined)
     except SelfModelError:
         return False
     return late is not None and late.explains
