@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.experiments.mirror_test import painting
-from nico_selfmodel.experiments.mirror_test.painting import MARK, SHAM_PAINT, Painter
+from nico_selfmodel.experiments.mirror_test import marks, painting
+from nico_selfmodel.experiments.mirror_test.painting import (
+    MARK,
+    SHAM_PAINT,
+    NoPlaceError,
+    Painter,
+)
 
 PLACES = np.array([[0.0, 0.0, 0.1], [0.0, 0.0, 0.2], [0.0, 0.0, 0.3]])
 NOISE = 2.0
@@ -85,3 +90,35 @@ def test_where_no_place_is_to_be_seen_it_is_said(seen):
     with pytest.raises(RobotError, match="no place for a mark"):
         painter(station).paint(MARK, np.random.default_rng(0))
     assert station.marks == []
+
+
+@pytest.mark.parametrize(("hidden", "tried"), [(0, 1), (3, 4), (9, 10)])
+def test_where_a_posture_shows_no_place_another_is_taken(monkeypatch, hidden, tried):
+    session, asked = session_that_hides(monkeypatch, hidden)
+    commands, *rest = session._somewhere(MARK, np.random.default_rng(0))
+    assert len(asked) == tried
+    assert commands == asked[-1]
+    assert rest == ["painted", (), "here"]
+
+
+def test_ten_postures_without_a_place_are_said(monkeypatch):
+    session, asked = session_that_hides(monkeypatch, 10)
+    with pytest.raises(NoPlaceError, match="no place"):
+        session._somewhere(MARK, np.random.default_rng(0))
+    assert len(asked) == 10
+
+
+def session_that_hides(monkeypatch, hidden):
+    """A session whose first postures show no place to be painted, and what it was asked."""
+    asked = []
+
+    def painted(self, kind, commands, rng):
+        asked.append(commands)
+        if len(asked) <= hidden:
+            raise NoPlaceError("no place for a mark")
+        return "painted", (), "here"
+
+    monkeypatch.setattr(marks._Session, "__init__", lambda *_: None)
+    monkeypatch.setattr(marks._Session, "_command", lambda self, name, rng: rng.random())
+    monkeypatch.setattr(marks._Session, "_painted", painted)
+    return marks._Session(), asked

@@ -11,6 +11,7 @@ from nico_selfmodel.experiments.mirror_test.painting import (
     MARK,
     OTHER_ROBOT,
     STANDING_BESIDE,
+    NoPlaceError,
     Painted,
     Painter,
 )
@@ -31,6 +32,8 @@ REMOVALS = 2
 _DAY = 8
 _WAIT = 0.1
 """How long somebody takes to paint, in which a picture's noise becomes another [s]."""
+_POSTURES = 10
+"""Pairs of postures that are tried where the first shows no place to be painted."""
 
 Pair = tuple[MirrorLook, MirrorLook]
 
@@ -74,9 +77,12 @@ class _Session:
         self._painter = Painter(station, self._looks.body.context, self._views[MIRROR].X_BM, noise)
 
     def trial(self, kind: str, remove: bool, rng: np.random.Generator) -> tuple[MarkTrial, Pair]:
-        """Look, let somebody paint or not, look again and into the other mirror, and judge."""
-        first, second = (self._command(name, rng) for name in (MIRROR, TURNED))
-        painted, found, here = self._painted(kind, (first, second), rng)
+        """Look, let somebody paint or not, look again and into the other mirror, and judge.
+
+        Raises:
+            NoPlaceError: If none of several postures shows a place to be painted.
+        """
+        (first, second), painted, found, here = self._somewhere(kind, rng)
         self._station.wipe(self._looks.body.context)
         after = None
         if remove:
@@ -84,6 +90,22 @@ class _Session:
             self._before(MIRROR)
             after = self._finder.find((MIRROR, TURNED), (self._looks.look(first), again))
         return MarkTrial(self._known.robot.seed, painted, found, after), here
+
+    def _somewhere(
+        self, kind: str, rng: np.random.Generator
+    ) -> tuple[tuple[NDArray, NDArray], Painted, tuple[Finding, ...], Pair]:
+        """Return postures, and what `_painted` does in them.
+
+        Where the own arm hides all that could be painted, or it is dark, others are taken.
+        """
+        for left in reversed(range(_POSTURES)):
+            commands = self._command(MIRROR, rng), self._command(TURNED, rng)
+            try:
+                return commands, *self._painted(kind, commands, rng)
+            except NoPlaceError:
+                if not left:
+                    raise
+        raise AssertionError("the last posture returns or raises")
 
     def _painted(
         self, kind: str, commands: tuple[NDArray, NDArray], rng: np.random.Generator

@@ -58,6 +58,10 @@ class Painted:
     """Of the surface at it, in the frame of its link; None on glass. Shape (3,)."""
 
 
+class NoPlaceError(RobotError):
+    """Nothing that is to be painted could be seen from where the robots stand."""
+
+
 class Painter:
     """Paints on one station, at places that both cameras see in the mirror and not directly.
 
@@ -86,7 +90,7 @@ class Painter:
             rng: Source of places and colours.
 
         Raises:
-            RobotError: If there is no such place.
+            NoPlaceError: If there is no such place.
         """
         if kind == SHAM_ACT:
             return Painted(kind, None)
@@ -118,7 +122,7 @@ class Painter:
                 continue
             normal = None if mark.link == GLASS else surface.normals(p_FQ[None])[0]
             return Painted(kind, mark, normal)
-        raise RobotError(f"no place for a {kind}: the mirror shows no such place to both cameras")
+        raise NoPlaceError(f"no place for a {kind}: the mirror shows no such place to both cameras")
 
     def _pictures(self) -> list[NDArray]:
         """Return what both cameras see now. Shape (h, w, 3) each."""
