@@ -43,7 +43,6 @@ def frozen_array(value: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray
     """Return a read-only float copy.
 
     Args:
-        value: The array.
         shape: The shape it must have.
         name: What the message calls it.
 
@@ -69,7 +68,6 @@ def frozen_covariance(value: ArrayLike, count: int) -> NDArray:
     deviations: rounding is forgiven, whatever the units are.
 
     Args:
-        value: The matrix.
         count: Of the variables.
 
     Returns:

@@ -94,7 +94,6 @@ def levenberg_marquardt(
     Args:
         evaluate: Maps x to (cost, gradient, Gauss-Newton matrix).
         start: First point. Shape (p,).
-        max_iterations: Limit on evaluated steps.
         tolerance: Stop when a step is predicted to lower the cost by less than this fraction.
         step: Replaces `damped_step`, where variables are eliminated.
         least: Least value of each variable, -inf where it has none. Shape (p,).

@@ -16,7 +16,6 @@ def check_name(text: object, what: str, *, in_table: bool = True) -> None:
     act on the terminals that show it.
 
     Args:
-        text: The name.
         what: What it names, for the message.
         in_table: Whether it goes into a table, which strips the spaces at its ends.
 
@@ -104,7 +103,6 @@ def found_instead(name: str, found: Iterable[str]) -> str:
 
     Args:
         name: What is missing.
-        found: What is there.
 
     Returns:
         The hint, beginning with a comma.

@@ -42,7 +42,6 @@ def refuse_given(context: typer.Context, names: Iterable[str], why: str) -> None
     """Refuse options that a command has and what it was given does not use.
 
     Args:
-        context: Of the command.
         names: Of the options' parameters.
         why: What they do not go with.
 

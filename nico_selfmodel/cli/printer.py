@@ -246,7 +246,6 @@ def result(
     """Print what a calibration found, or its document; end the command as its verdict says.
 
     Args:
-        name: Of the self-model.
         document: What is in its `result.json`.
         output: The result folder, and whether the document is printed instead.
         parts: Rows of errors, where they are others than those of the document.

@@ -58,8 +58,6 @@ def judge_and_write(
     """Judge what a command has learned, and leave its folder.
 
     Args:
-        found: What was learned.
-        model: The self-model of it.
         draw: Returns the report of a `result.json`; not called where none is wanted: drawing takes
             longer than most calibrations.
         output: Where to, and whether with a report.
@@ -98,7 +96,6 @@ def write_with_report(
 
     Args:
         out: The folder to make.
-        model: The self-model.
         report: With the content of `result.json`.
         beside: What else is kept, and whether by `force`, see `write_result`.
 

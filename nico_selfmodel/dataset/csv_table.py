@@ -51,7 +51,6 @@ class CsvTable:
         """Read the text of a file, as `read` does.
 
         Args:
-            text: The text.
             path: What messages call it.
             header: False if the first line is data already.
 

@@ -65,7 +65,6 @@ def save_dataset(dataset: Dataset, folder: str | PathLike[str], force: bool = Fa
     The same data set gives the same bytes.
 
     Args:
-        dataset: The data.
         folder: The folder to make; its parents are made too.
         force: Replace the data set in an existing folder; other files in it are kept.
 

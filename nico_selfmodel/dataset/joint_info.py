@@ -79,7 +79,6 @@ class JointInfo:
         """Make a joint from its entry in a YAML file.
 
         Args:
-            entry: The entry.
             where: Place for messages.
 
         Raises:

@@ -37,7 +37,6 @@ def check_as_read(dataset: Dataset, place: str) -> None:
     """Refuse data that were read but cannot be what they say; warn of what they hardly are.
 
     Args:
-        dataset: The data.
         place: The file, for messages.
 
     Raises:
@@ -143,7 +142,6 @@ def _check_plausible(dataset: Dataset, place: str) -> None:
     """Refuse data that are well formed but cannot be what they say.
 
     Args:
-        dataset: The data.
         place: The file, for messages.
 
     Raises:

@@ -38,7 +38,6 @@ def readings_from_table(table: CsvTable, joints: tuple[str, ...]) -> NDArray:
 
     Args:
         table: The table; other columns are ignored.
-        joints: Names of the joints.
 
     Returns:
         Readings. Shape (N, n).
@@ -58,7 +57,6 @@ def approach_from_table(table: CsvTable, joints: tuple[str, ...]) -> NDArray:
     """Return from which sides joints came, columns `approach.<joint>` of -1, 0 or 1.
 
     Args:
-        table: The table.
         joints: Names of the joints; one without a column came from an unknown side.
 
     Returns:
@@ -75,7 +73,6 @@ def readings_table(readings: NDArray, joints: tuple[str, ...]) -> str:
 
     Args:
         readings: Shape (N, n).
-        joints: Names of the joints.
 
     Returns:
         The table, with a column `encoder.<joint>` for each joint.
@@ -90,7 +87,6 @@ def warn_beyond(
 
     Args:
         readings: Shape (N, n).
-        joints: Names of the joints.
         trained: Joint -> lowest and highest reading of the training data; joints that are missing
             are not looked at.
 

@@ -34,7 +34,6 @@ def check_rows(columns: dict[str, Any], joint_names: Sequence[str], where: Place
     Args:
         columns: Arrays `sample`, `sweep`, `marker`, `mirror`, `encoders`, `p_WH_measured`,
             `pixels` and, where it is known, `approach` of a `Dataset`.
-        joint_names: Names of the joints.
         where: Says where a row is.
 
     Raises:

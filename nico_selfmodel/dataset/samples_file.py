@@ -30,7 +30,6 @@ def read_samples(path: Path, joint_names: Sequence[str]) -> dict[str, Any]:
     """Read and check the table of a data set.
 
     Args:
-        path: The file.
         joint_names: Joints that the table must have readings of.
 
     Returns:

@@ -77,7 +77,6 @@ def unmarked_sweeps(dataset: Dataset, marker: str | None = None) -> list[Sweep]:
     A joint that holds still may stray by 0.2 % of its span, and by one count or 0.02 degrees.
 
     Args:
-        dataset: The data.
         marker: Which tracked point, the first one by default.
 
     Returns:
@@ -99,7 +98,6 @@ def marked_sweeps(dataset: Dataset, marker: str | None = None) -> list[Sweep]:
     """Return the sweeps that the `sweep` column names; the `home` rows belong to each of them.
 
     Args:
-        dataset: The data.
         marker: Which tracked point, the first one by default.
 
     Returns:

@@ -75,7 +75,6 @@ def judge(
     """Judge a calibration.
 
     Args:
-        calibration: What was learned.
         require_test_mm: Largest held-out error in space allowed: the mean [mm].
         require_test_px: Largest held-out error in the images allowed: the mean, of boards the root
             mean square [px].

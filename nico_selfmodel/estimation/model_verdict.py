@@ -50,7 +50,6 @@ def judge_evaluation(
     """Judge a self-model by new data, against the errors that its training lets expect.
 
     Args:
-        model: The self-model.
         dataset: What was measured, or what its cameras saw.
         evaluation: The model, held against it.
 
@@ -94,7 +93,6 @@ def judge_body_errors(
     """Judge a body by new data, against the errors that its training lets expect.
 
     Args:
-        model: The body.
         errors: What it leaves of a recording.
         against: Poses of it that contradict the body, where that is known.
 

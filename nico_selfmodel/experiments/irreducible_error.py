@@ -31,7 +31,6 @@ class Limit:
         """Hold what a body that knows itself exactly expects against what was seen.
 
         Args:
-            tracker: How the hand is tracked.
             test: Held-out rows of one marker, with points measured from outside.
             pixels_expected: Pixels in both cameras without play [px]. Shape (N, 4).
             p_LH_expected: Places without play, in the left camera's frame [m]. Shape (N, 3).

@@ -101,7 +101,6 @@ def run_mirror(
         pixel_sigma: Noise of a tracked pixel coordinate [px].
         play_deg: Half the width of the joints' noise [deg].
         seed: Of the first robot.
-        progress: Told how far it is.
 
     Returns:
         The tables' rows.

@@ -41,10 +41,8 @@ def run_rendered_mirror(
     """Let robots learn cameras and arm from pictures, then three mirrors by looking into them.
 
     Args:
-        world: What is wrong with the bodies.
         individuals: Simulated robots; minutes each.
         seed: Of the first one.
-        progress: Told how far it is.
 
     Returns:
         The tables' rows.

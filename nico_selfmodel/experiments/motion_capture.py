@@ -100,8 +100,6 @@ def run_motion_capture(
     """Run the chapter's two charts and its repeat test.
 
     Args:
-        arm: The arm to simulate.
-        world: Its imperfections.
         individuals: Simulated robots to average over.
         repeats: Random subsets of the repeat test.
         seed: Of the first robot.

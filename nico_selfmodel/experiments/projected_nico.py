@@ -66,8 +66,6 @@ class ProjectedNico:
         """Draw poses in which the hand should be seen [rad]. Shape (count, n).
 
         Args:
-            count: How many.
-            rng: Source.
             shift: From the hand's marker to a tool's tip, along the base's axes at q = 0 [m]; the
                 bare hand if omitted.
         """
@@ -108,13 +106,10 @@ class ProjectedNico:
         its stops, which is all that a robot without a self-model can do.
 
         Args:
-            robot: The robot to move.
-            name: Name of the data set.
             q: Poses [rad]. Shape (N, n).
             labels: Sweep labels; free poses if omitted. Length N.
             observed: Let its ground truth measure the hand too, in the left camera's frame.
             seed: Kept in the data set.
-            progress: Called after each pose.
 
         Returns:
             The data set; poses in which no camera saw a marker are left out.

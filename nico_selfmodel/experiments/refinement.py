@@ -128,11 +128,7 @@ def run_refinement(
     """Let simulated bodies learn under every condition.
 
     Args:
-        world: What is wrong with the bodies.
-        individuals: How many.
         seed: Of the first.
-        trackers: How the hand is tracked.
-        progress: Told how far it is.
         rendered: Records a body through rendered pictures; without it nothing is rendered, and what
             the cameras find is the truth with noise on it.
 
@@ -181,7 +177,6 @@ def simulated_scenario(
 
     Args:
         nico: The robot as described, and how its hand is tracked.
-        world: What is wrong with the body.
         seed: Which robot.
         random_poses: Poses to learn from beside the circles.
     """

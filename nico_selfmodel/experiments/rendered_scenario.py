@@ -32,11 +32,8 @@ def rendered_scenarios(
     """Let one Nico record what it learns from; all trackers look at the same pictures.
 
     Args:
-        world: What is wrong with the body.
         seed: Which robot.
         trackers: How the hand is tracked: `fiducial`, `color`.
-        stage: Told what is going on.
-        counts: How much is recorded.
 
     Returns:
         Tracker -> what was recorded, and what ground truth says of it: nothing of colour, since

@@ -41,9 +41,7 @@ def rendered_tool_scenario(
     """Let one Nico learn itself by the tape on its finger, and then see a tool's tip.
 
     Args:
-        world: What is wrong with the body.
         seed: Which robot.
-        stage: Told what is going on.
         counts: How much is recorded of the bare hand, and how many poses judge the tool.
     """
     tell = stage or (lambda *_: None)

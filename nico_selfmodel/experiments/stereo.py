@@ -81,7 +81,6 @@ def run_stereo(
         individuals: Simulated pairs of cameras.
         pixel_sigma: Noise of a corner [px].
         seed: Of the first robot.
-        progress: Told how far it is.
 
     Returns:
         The table's rows.

@@ -93,10 +93,7 @@ def run_tool(
     """Let simulated bodies take a tool, and restart them.
 
     Args:
-        world: What is wrong with the bodies.
-        individuals: How many.
         seed: Of the first.
-        progress: Told how far it is.
         rendered: Records a body through rendered pictures; there is no restart then. Without it
             nothing is rendered.
 

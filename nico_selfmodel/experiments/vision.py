@@ -71,10 +71,8 @@ def run_vision(
     """Let robots learn cameras and arm from pictures, in which both markers are tracked.
 
     Args:
-        world: What is wrong with the bodies.
         individuals: Simulated robots.
         seed: Of the first one.
-        progress: Told how far it is.
 
     Returns:
         The results.

@@ -66,7 +66,6 @@ def number_of_word(word: str, where: str) -> float:
     """Return the finite number that a word of the command line is.
 
     Args:
-        word: The word.
         where: The option that it belongs to, for the message.
 
     Raises:

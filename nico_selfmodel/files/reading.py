@@ -72,7 +72,6 @@ def read_text(path: Path, most: int) -> str:
     """Return the text of a UTF-8 file, without a byte order mark and with its own line ends.
 
     Args:
-        path: The file.
         most: Bytes that it may have.
 
     Raises:

@@ -42,7 +42,6 @@ def write_bytes_whole(path: str | Path, content: bytes) -> None:
 
     Args:
         path: Where to write; its folder must exist.
-        content: The whole file.
 
     Raises:
         OSError: If the folder is missing or cannot be written to.
@@ -255,7 +254,6 @@ def refuse_existing(
 
     Args:
         path: The file or folder about to be made.
-        force: Allow it to be replaced.
         inputs: Files and folders that the work reads: it must not be one, nor hold one.
 
     Raises:

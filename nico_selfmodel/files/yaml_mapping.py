@@ -46,8 +46,6 @@ def text_value(mapping: Mapping[str, Any], key: str, where: str, default: str | 
     """Return a text value.
 
     Args:
-        mapping: What was read.
-        key: Its key.
         where: Place for the message.
         default: Value of an absent key; None makes the key compulsory.
 

@@ -104,7 +104,6 @@ def robust_circle(
 
     Args:
         points: Shape (n, 3), n >= 3. Fewer than six points are used as they are.
-        rng: Source of the random triples.
         draws: Number of triples.
         sigma: Known standard deviation of a coordinate [m].
 

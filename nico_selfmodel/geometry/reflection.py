@@ -16,7 +16,6 @@ def reflect(plane: Plane, points: ArrayLike) -> NDArray:
     """Reflect points, x' = x - 2 (n.x + d) n.
 
     Args:
-        plane: The mirror.
         points: Shape (..., 3).
 
     Returns:
@@ -43,7 +42,6 @@ def reflection_slopes(plane: Plane, points: ArrayLike) -> NDArray:
     dx' = -2 ((x.dn) n + (n.x + d) dn) - 2 n dd; by the point itself it is S.
 
     Args:
-        plane: The mirror.
         points: Shape (N, 3).
 
     Returns:

@@ -53,7 +53,6 @@ def robust_camera_pose(
         p_WQ: Points. Shape (N, 3), N >= 6.
         rays: Unit directions in the camera's frame. Shape (N, 3).
         within: Angle between a ray and its point within which they agree [rad].
-        rng: Source of the draws.
         draws: How many sets of six are tried.
 
     Returns:

@@ -13,7 +13,6 @@ def fit(value: Any, joints: int) -> dict[str, Any]:
     """Return the statistics of a fit.
 
     Args:
-        value: What stands in the file.
         joints: How many the arm has.
 
     Raises:

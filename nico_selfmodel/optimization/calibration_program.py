@@ -278,7 +278,6 @@ class CalibrationProgram:
 
         Args:
             solver: `lm`, or `snopt` and `ipopt` as a cross-check of the same program.
-            max_iterations: Limit of the Levenberg-Marquardt solver.
             tolerance: Smallest predicted relative decrease of the cost worth a step.
 
         Returns:

@@ -21,7 +21,6 @@ def drake_program(
     """Return a program with one cost over all its variables.
 
     Args:
-        names: Of the variables.
         start: Their initial values. Shape (p,).
         fixed: Index of a variable -> the value it is held at.
         evaluate: Returns cost and gradient, and what else there is, at given values.

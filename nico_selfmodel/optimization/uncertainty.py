@@ -123,7 +123,6 @@ class Uncertainty:
         They are one more unobservable direction, where no other names one of them.
 
         Args:
-            names: Which.
             natural: Natural scale of each parameter; so far these may be off. Shape (k,).
         """
         own = [self.names.index(name) for name in names]

@@ -22,12 +22,6 @@ def board_poses(
 ) -> NDArray:
     """Draw poses in which a board should be seen whole by both cameras, before the body.
 
-    Args:
-        workspace: The robot as described.
-        board: The board.
-        count: How many.
-        rng: Source.
-
     Returns:
         X_BG, as `NicoStation.hold_board` takes them. Shape (count, 4, 4).
 

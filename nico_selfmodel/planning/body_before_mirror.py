@@ -57,7 +57,6 @@ class BodyBeforeMirror:
             mirror: Where it shall stand before the left camera of a head that looks straight ahead.
             size: Width and height [m].
             markers: Of the hands.
-            rng: Source of random poses.
 
         Raises:
             ModelError: If hardly any pose shows a reflection.
@@ -113,11 +112,6 @@ class BodyBeforeMirror:
     def poses(self, markers: Sequence[str], count: int, rng: np.random.Generator) -> NDArray:
         """Draw poses in which every camera sees some markers in the glass.
 
-        Args:
-            markers: Their names.
-            count: How many poses.
-            rng: Source of the draws.
-
         Returns:
             Angles of the commanded joints [rad]. Shape (count, k).
 
@@ -145,8 +139,6 @@ class BodyBeforeMirror:
 
         Args:
             cards: Their names.
-            count: How many poses.
-            rng: Source of the draws.
             pool: Poses of each card to choose from by what they would tell of the glass; those that
                 were drawn first are taken where there are no more of them.
 

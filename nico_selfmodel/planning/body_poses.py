@@ -135,10 +135,7 @@ class BodyView:
         """Draw poses in which every camera sees enough of some markers.
 
         Args:
-            markers: Their names.
             fewest: How many of them each camera shall see.
-            count: How many poses.
-            rng: Source of the draws.
             also: More markers, and how many of those each camera shall see too.
             turned: What becomes of drawn poses before they are looked at; nothing if omitted.
 

@@ -20,7 +20,6 @@ def first_guess(
     Stops lie only near the description's limits.
 
     Args:
-        arm: The arm as described.
         rig: The cameras as described, in the frame of the arm's base; None where there are none.
         joints: The robot's joints, with stops.
 

@@ -54,11 +54,8 @@ def plan_mirror_poses(
     axes and tracked points are kept clear; the clearance must cover what sticks out of the arm.
 
     Args:
-        model: The body, with arm and cameras.
         mirror: Where the mirror stands, at least roughly; its covariance widens the clearance.
         limits: Lowest and highest readings of the joints. Shape (n,) each.
-        count: Number of poses.
-        rng: Source of the random poses.
         marker: The tracked point; the first if omitted.
         clearance: How far every point of the arm keeps from the glass [m].
         margin: How far pixels keep from the images' edges [px].
@@ -106,8 +103,6 @@ def free_space(chain: Chain, rig: MirrorRig, q: NDArray) -> NDArray:
     of the plane counts against the arm.
 
     Args:
-        chain: The arm.
-        rig: The cameras and the mirror.
         q: Joint displacements [rad]. Shape (N, n).
 
     Returns:

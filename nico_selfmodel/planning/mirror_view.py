@@ -63,10 +63,7 @@ class MirrorView:
         """Put the middle of the glass where most reflections are seen, and look for poses.
 
         Args:
-            workspace: The arm before its cameras.
             mirror: Where the mirror shall stand before the left camera.
-            plate: The glass.
-            rng: Source of random poses.
             enough: Poses to look for.
 
         Raises:
@@ -147,7 +144,6 @@ def _open_sight(workspace: VisibleWorkspace, q: NDArray, spots: NDArray) -> bool
     """Return whether nothing of the robot stands between its markers, the glass and its cameras.
 
     Args:
-        workspace: The arm before its cameras.
         q: A pose [rad]. Shape (n,).
         spots: Where lines of sight meet the glass, by marker, then camera. Shape (2 m, 3).
     """

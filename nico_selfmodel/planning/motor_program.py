@@ -43,7 +43,6 @@ class MotorProgram:
         Args:
             poses: Between which to move [encoder units]. Shape (P, n).
             seconds: How long it shall last.
-            rng: Source of ways and pauses.
 
         Raises:
             ValueError: If there are fewer than two poses.

@@ -56,9 +56,6 @@ def choose_next_body_poses(
 
     Args:
         model: What was learned from the data.
-        data: What was recorded.
-        count: How many poses to choose.
-        rng: Source of the pool.
         criterion: `I` for the prediction of the marker, `D` for all parameters.
         marker: On a link of the body; the first one by default.
 
@@ -166,10 +163,8 @@ def _rows(
     """Return derivatives by z of what sensors show of the marker. Shape (N, k, p).
 
     Args:
-        model: The body.
         told: A recording of it, for its joints and sensors.
         readings: In the joints' own units. Shape (N, n).
-        marker: Which one.
         seeing: Sensors that see it.
         whiten: Take off what joint noise and sensors do: rows of unit variance; else of pixels
             [px], or where no camera sees it of places [m].

@@ -49,9 +49,6 @@ def choose_next_poses(
 
     Args:
         model: What was learned from the data.
-        data: What was recorded.
-        count: How many poses to choose.
-        rng: Source of the pool.
         criterion: `I` for the prediction of the hand, `D` for all parameters.
         marker: Tracked point; the first of the model by default.
 

@@ -63,8 +63,6 @@ def random_commands(
         joints: Joints with stops.
         home: Home pose [encoder units]. Shape (n,).
         ranges: Full range of each joint about home [encoder units]. Shape (n,).
-        count: Number of poses.
-        rng: Source of the poses.
 
     Returns:
         Empty sweep labels and commands.
@@ -169,7 +167,6 @@ def pose_plan(
     """Plan home, a circle of every joint between two ends about it, and free poses.
 
     Args:
-        joints: The joints.
         home: Pose that all circles share [encoder units]. Shape (n,).
         ends: Lower and upper end of each joint's circle [encoder units]. Shape (n, 2).
         circle_poses: Poses on all circles together, home not counted.

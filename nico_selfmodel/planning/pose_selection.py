@@ -86,7 +86,6 @@ def choose_poses(
 
     Args:
         jacobians: Of what each pose of the pool shows, in units of its noise. Shape (N, k, p).
-        count: How many to choose.
         criterion: `D`, or `I` for the prediction over the targets.
         targets: Jacobians of the poses that must be predicted well; the pool's by default.
             Shape (M, 3, p).

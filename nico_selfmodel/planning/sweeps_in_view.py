@@ -23,7 +23,6 @@ def widest_sweeps(
     """Return the home whose smallest sweep in view is largest, and its sweeps.
 
     Args:
-        arm: The arm as described.
         candidates: Poses in view, one of which becomes home [rad]. Shape (N, n).
         in_view: Tells at which poses all is seen. Shapes (K, n) -> (K,).
         arc: Largest arc of a sweep [rad].

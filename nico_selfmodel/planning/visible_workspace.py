@@ -80,7 +80,6 @@ class VisibleWorkspace:
         """Build it.
 
         Args:
-            arm: The robot and its arm.
             markers: Points of the arm that must be in view; all of them by default.
             cameras: As designed; each is mounted on a link of its own.
             limits: What counts as in view.
@@ -192,7 +191,6 @@ class VisibleWorkspace:
             joints: The joints with stops, which stand for the limits of the description.
             circle: Poses on circles, home not counted.
             free: Free poses wanted.
-            rng: Source of the free poses.
         """
         arm, n = self.arm, len(self.arm.joints)
 

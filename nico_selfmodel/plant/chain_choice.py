@@ -93,7 +93,6 @@ def check_point(
     """Refuse a tracked point that is not rigidly beyond the last learned joint.
 
     Args:
-        tree: The robot.
         name: A link or frame.
         tip: The tip link, for the message.
         last: The last learned joint.

@@ -26,7 +26,6 @@ def described_body(urdf: Path, joints: Sequence[LinkJoint], blank: BodyTree) -> 
     stands at its link's origin.
 
     Args:
-        urdf: The description.
         joints: Those of the recording; they are called as the description's.
         blank: The body to fill in.
 
@@ -66,7 +65,6 @@ def described_masses(urdf: Path, body: BodyTree) -> tuple[NDArray, NDArray] | No
     """Return what each link weighs, with all that stands still on it.
 
     Args:
-        urdf: The description.
         body: Where it puts a recording's body, `described_body`.
 
     Returns:

@@ -52,7 +52,6 @@ def add_directives(path: str | Path, parser: Parser) -> dict[str, Learned]:
     or m). All else is Drake's. Paths, those of `file` too, start at the folder of the file.
 
     Args:
-        path: The YAML file.
         parser: Of a plant that is not finalized, with the packages that the file needs.
 
     Returns:

@@ -35,7 +35,6 @@ def parse(plant: MultibodyPlant, urdf: Path, text: str | None = None) -> ModelIn
 
     Args:
         plant: A plant that is not finalized.
-        urdf: The file.
         text: What to read in its place, as if it stood there.
 
     Returns:

@@ -62,7 +62,6 @@ def learned_frames(arm: "ArmDescription", chain: Chain) -> LearnedFrames:
     A marker that the description does not know takes the place of its first one.
 
     Args:
-        arm: The robot's chain.
         chain: The learned arm in the measuring frame, with the same joints.
 
     Returns:

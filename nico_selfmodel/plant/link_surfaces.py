@@ -60,7 +60,6 @@ def link_surfaces(scene_graph: SceneGraph, built: ModelInPlant) -> dict[str, Lin
 
     Args:
         scene_graph: Where the robot is drawn.
-        built: The robot.
 
     Returns:
         Link -> surface; links with meshes, and those that nothing is drawn of, are left out.

@@ -74,7 +74,6 @@ class SelfModelPlant(ModelInPlant):
 
         Args:
             plant: It, before `Finalize()`.
-            arm: The robot and the chain.
             model: What new contexts hold. Without it they hold the description, and the robot's
                 root link stands at the origin.
             name: Of the robot's model instance; that in its file if omitted.
@@ -123,7 +122,6 @@ class SelfModelPlant(ModelInPlant):
         """Build a plant that holds the robot alone, by `add_to`.
 
         Args:
-            arm: The robot and the chain.
             model: What new contexts hold, as in `add_to`.
             builder: A `DiagramBuilder` that takes plant and scene graph; the robot's
                 meshes must then be there. Without it the plant has no geometry.

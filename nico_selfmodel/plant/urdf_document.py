@@ -167,7 +167,6 @@ def append_frame_link(robot: Element, name: str, parent: str, pose: NDArray) -> 
 
     Args:
         robot: The `<robot>`.
-        name: Name of the link.
         parent: The link it is fixed to.
         pose: Its pose in `parent`. Shape (4, 4).
     """

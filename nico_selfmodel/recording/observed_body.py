@@ -19,7 +19,6 @@ class ObservedBody:
         """Watch a body.
 
         Args:
-            body: It.
             locate: Gives the markers where the body is now, in the left camera's frame, nan
                 where one is lost [m]. Shape (m, 3).
             cameras: How many of its cameras must see a marker: 1 or 2.

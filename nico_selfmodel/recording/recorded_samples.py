@@ -84,8 +84,6 @@ class RecordedSamples:
         """Start with nothing.
 
         Args:
-            joints: The body's joints.
-            markers: The points that it tracks.
             about: What else the data set states, by the names of `Dataset`.
             folder: Where to keep the samples.
         """
@@ -232,8 +230,6 @@ class RecordedSamples:
 
         Args:
             index: Of the pose in the plan.
-            label: Its sweep label.
-            measurement: What was sensed.
             mirror: Name of the mirror before the body; its reflections are kept too.
 
         Returns:

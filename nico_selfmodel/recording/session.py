@@ -66,9 +66,7 @@ def record(
     again: what comes is then what would have come.
 
     Args:
-        body: What moves and sees.
         plan: Sweep labels and commands.
-        name: Name of the data set.
         source: Where the data come from, for people.
         seed: Seed of a simulated body.
         point_sigma_m: Noise of the tracker, if known [m].
@@ -78,7 +76,6 @@ def record(
         enough: Free poses that are enough; the plan then holds some to spare.
         folder: Where to keep the samples, and pictures that the body shows, from the first pose
             on. A recording that is already there is resumed if it is of the same plan.
-        progress: Called after each pose.
 
     Returns:
         The data set; a marker that was lost has an empty position.
@@ -129,10 +126,8 @@ def sample_pose(
     A simulated body lives again through the visits of a pose that is there already.
 
     Args:
-        body: What moves and sees.
         kept: Samples of the recording.
         index: Of the pose in the plan.
-        label: Its sweep label.
         command: Where to go [encoder units]. Shape (n,).
         until_seen: Visits before the pose is given up.
         mirror: Name of the mirror before the body.

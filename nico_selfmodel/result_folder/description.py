@@ -28,7 +28,6 @@ def kept_description(robot: "ArmDescription | None", folder: Path) -> "ArmDescri
 
     Args:
         robot: The robot that an arm belongs to; None where there is none.
-        folder: The result folder.
 
     Raises:
         ModelError: If the URDF is gone.

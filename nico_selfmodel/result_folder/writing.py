@@ -42,13 +42,11 @@ def write_result(
 
     Args:
         folder: The folder to make.
-        model: The self-model.
         document: Content of `result.json`.
         texts: Further files, such as a report or a scene: name -> content.
         recordings: Data sets to keep beside the result, in `recordings/<name>`.
         robot: The robot that the arm belongs to; the one that the model names if omitted.
         shape: What the body looks like as it was learned, to keep in `body`.
-        force: Replace an existing folder.
 
     Returns:
         The folder.
@@ -122,7 +120,6 @@ def urdf_file(
     """Return the URDF of a model's arm as a file of its result folder.
 
     Args:
-        model: The self-model.
         folder: Where the file will lie: relative mesh paths lead from there.
         robot: The robot that the arm belongs to; None where there is no description.
 

@@ -62,11 +62,8 @@ def learn_body(
     """Calibrate the cameras, move the arm before them, learn it, and refine both together.
 
     Args:
-        world: What is wrong with the body.
         seed: Which robot.
         marker: What is tracked on the hand: `fiducial` or `finger_tip`.
-        counts: How much is recorded.
-        stage: Told what is going on.
 
     Returns:
         Everything that was recorded and learned.

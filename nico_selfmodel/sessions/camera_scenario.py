@@ -110,11 +110,8 @@ def learn_cameras_and_arm(
     """Calibrate the cameras, move the arm before them, and learn it.
 
     Args:
-        world: What is wrong with the body.
         seed: Which robot.
         markers: What is tracked on the hand: `fiducial`, `finger_tip` or both at once.
-        counts: How much is recorded.
-        stage: Told what is going on.
 
     Returns:
         Everything that was recorded and learned.
@@ -142,9 +139,6 @@ def watch_hand(
     """Calibrate the cameras, and move the arm before them.
 
     Args:
-        nico: The robot.
-        counts: How much is recorded.
-        stage: Told what is going on.
         options: What of the cameras is held.
         observed: Whether what is held out has true places of the hand beside it.
     """
@@ -185,10 +179,7 @@ def learn_arm(
 
     Args:
         train: Rows of one marker with pixels.
-        test: Held-out rows.
-        cameras: The cameras.
         nominal: The robot as described, for the zero of its joints.
-        name: Of the self-model.
         up: The vertical in the left camera's frame, which the robot knows from its description to a
             degree or two; guessed where the arm sags if omitted. Shape (3,).
     """

@@ -73,11 +73,9 @@ class Recording(ABC):
 
         Args:
             station: Of the joints of this recording.
-            name: Name of the data set.
             source: Where the data come from, for people.
             folder: Where to keep the samples from the first one on; resumed if it is there.
             keep_images: Keep the pictures in the folder.
-            progress: Called after each pose.
 
         Raises:
             RobotError: If the robot fails; what was recorded so far is in `partial`.
@@ -127,7 +125,6 @@ class RealRecording(Recording):
             servos: The joints that the servos drive, with limits.
             circle: Poses on circles, home not counted.
             free: Random poses.
-            rng: Source of the random poses.
             table: Poses to visit instead of random ones, a column a joint [counts].
             arm: The arm, its limits those of the servos; of Nico's the one that they drive.
 
@@ -194,7 +191,6 @@ class RealBodyRecording(Recording):
             servos: The joints that the servos drive, with limits.
             looks: Poses in which only the room is wanted.
             hands: Poses of each hand.
-            rng: Source of the poses.
             given: Poses to visit instead [counts]. Shape (N, k).
             learned: What was learned of its head; as described if omitted.
 

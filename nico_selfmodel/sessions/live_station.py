@@ -42,10 +42,6 @@ class LiveStation(Closable, Generic[View, Errors]):
     ) -> list[Errors]:
         """Visit poses in view and show each.
 
-        Args:
-            count: Of poses.
-            progress: Called after each.
-
         Returns:
             What `show` returned at each pose.
         """

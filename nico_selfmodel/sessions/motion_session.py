@@ -92,7 +92,6 @@ class MotionSession:
             encounter: Who is there.
             poses: To move between [encoder units]. Shape (P, n).
             seconds: How long to watch, at most.
-            rng: Source of both motor programs.
             delay: How many pictures old a picture is when it arrives, as far as is known; up to
                 half a second if omitted.
 

@@ -83,7 +83,6 @@ class RenderedBody:
         """Let it look about the room, then at its hands.
 
         Args:
-            name: Of the recording.
             session: Which day.
             looks: Poses in which only the room is wanted.
             hands: Poses of each hand.
@@ -92,7 +91,6 @@ class RenderedBody:
             learned: What was learned of its head, by which poses are planned; as described if
                 omitted.
             poses: Visited instead [encoder units]. Shape (N, k).
-            progress: Called after each pose.
             watch: Stands between it and the recording, which then has its pictures, if given.
 
         Returns:

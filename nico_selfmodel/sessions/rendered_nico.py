@@ -54,10 +54,8 @@ class RenderedNico:
         """Take a robot.
 
         Args:
-            world: What is wrong with it.
             seed: Which one.
             markers: What is tracked, some of the arm's points.
-            quality: Of the pictures.
             arm: The arm, if it is another one: of six joints, with a tool in hand.
             corners: Locate the corners of the fiducial too, which tell how the hand is turned.
         """
@@ -116,7 +114,6 @@ class RenderedNico:
         """Record circles and free poses.
 
         Args:
-            name: Name of the data set.
             session: Which day.
             circle: Poses on circles.
             free: Free poses.
@@ -125,7 +122,6 @@ class RenderedNico:
             keep_images: Keep the pictures in the folder.
             observed: Let ground truth measure the hand too, in the left camera's frame.
             poses: Visited instead of random ones [encoder units]. Shape (N, n).
-            progress: Called after each pose.
 
         Raises:
             ValueError: If a given pose lies beyond a joint's stop.
@@ -163,7 +159,6 @@ class RenderedNico:
             count: Views in which both cameras find it.
             session: Which day.
             folder: Where to keep the pictures, as `left01.png` and `right01.png`; it must exist.
-            progress: Called after each view.
 
         Raises:
             DataError: If the board is hardly ever found.

@@ -36,7 +36,6 @@ def look_about(
     Args:
         robot: With cards of markers about it.
         looks: Poses of its head.
-        progress: Called after each pose.
 
     Returns:
         What its cameras saw of the cards, located behind the lenses that this tells, and the

@@ -30,16 +30,12 @@ def simulated_session(
     """Record one session with one robot.
 
     Args:
-        arm: The robot's arm as described.
         world: What is wrong with body and tracker.
-        protocol: Which poses to visit.
-        name: Name of the data set.
         seed: Of the robot.
         session: Of poses and noise.
         sweeps: Visit the circles too.
         folder: Where to keep the samples from the first one on; resumed if it is there.
         poses: Visited instead of random ones [encoder units]. Shape (N, n).
-        progress: Called after each pose.
 
     Raises:
         ValueError: If a given pose lies beyond a joint's stop.

@@ -43,7 +43,6 @@ class Watching(LiveStation[StationView, NDArray]):
 
         Args:
             model: What it has learned: arm and cameras.
-            world: What is wrong with it.
             seed: Which robot; the one that learned the model.
             mirror: A mirror that the model knows and where it is put before the left camera as
                 designed; None as place for where `learn --mirror` puts it.

@@ -48,7 +48,6 @@ class WatchingBody(LiveStation[WholeBodyView, Mapping[str, NDArray]]):
 
         Args:
             model: What it has learned: head, arms, cameras, markers of hands and room.
-            world: What is wrong with it.
             seed: Which robot; the one that learned the model.
             mirror: A mirror that the model knows, and where it is put before the left camera of
                 the robot as described that looks straight ahead; None as place for where

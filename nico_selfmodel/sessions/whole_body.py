@@ -83,14 +83,12 @@ def whole_body_session(
     are known.
 
     Args:
-        world: What is wrong with the body.
         seed: Which robot.
         session: Of poses and noise.
         looks: Poses in which only the room is wanted.
         hands: Poses of each hand before both cameras, some of the room seen beside it.
         name: Of the recording; robot and session if omitted.
         pixel_sigma: Noise of a pixel coordinate [px].
-        progress: Called after each pose.
 
     Returns:
         The recording; lenses are told as they are, as calibrated cameras know them.

@@ -105,7 +105,6 @@ class WholeRecording:
         Args:
             looks: Poses in which both cameras see some of the room.
             hands: Poses of each hand, which the head follows, some of the room beside it.
-            rng: Source of the draws.
             body: What is known of it, see `known`; as described if omitted.
 
         Returns:

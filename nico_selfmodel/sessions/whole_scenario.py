@@ -65,10 +65,8 @@ def learn_whole(
     """Let a whole Nico look about a room and at its hands, and learn itself from the pictures.
 
     Args:
-        world: What is wrong with the body.
         seed: Which robot.
         arms: Which arms move: `right`, `left`, none of them for the head alone.
-        stage: Told what is going on.
 
     Returns:
         Everything that was recorded and learned.

@@ -113,10 +113,7 @@ def write_detections(
     all.
 
     Args:
-        files: The photographs.
-        detector: What to look for.
         folder: Where to write.
-        force: Replace an earlier result.
         progress: Told how many images are done.
 
     Returns:

@@ -61,7 +61,6 @@ def calibrate_many(recordings: Sequence[Recording], task: ArmTask, workers: Work
     Args:
         recordings: What to learn from.
         task: How, and the folder to make, whole or not at all.
-        workers: Who learns.
 
     Raises:
         typer.Exit: Always, with 1 where one of them failed or was refused.

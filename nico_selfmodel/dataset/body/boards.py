@@ -23,7 +23,6 @@ def with_boards(data: BodyDataset, views: BoardViews) -> BodyDataset:
     nothing else was seen.
 
     Args:
-        data: The recording.
         views: Corners, in cameras that the recording has.
 
     Raises:

@@ -287,7 +287,6 @@ class BodyDataset:
 
         Args:
             fraction: Share of the poses that goes into the test part, 0 to 1 exclusive.
-            seed: Seed of the choice.
 
         Raises:
             ValueError: If `fraction` is not between 0 and 1.

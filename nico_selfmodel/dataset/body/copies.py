@@ -15,9 +15,6 @@ def without_copies(data: BodyDataset) -> BodyDataset:
     A sensor that is read faster than it measures is logged several times to the last digit. Each
     copy would count as a measurement of its own, as if its noise were the smaller.
 
-    Args:
-        data: The recording.
-
     Warns:
         UserWarning: If there are such rows; it says how many, and of which samples.
     """

@@ -114,7 +114,6 @@ class LinkJoint:
         """Make a joint from its entry in a YAML file.
 
         Args:
-            entry: The entry.
             before: The joint before, which is the parent unless the entry says otherwise.
             where: Place for messages.
 

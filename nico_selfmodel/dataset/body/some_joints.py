@@ -15,7 +15,6 @@ def of_joints(data: BodyDataset, joints: Collection[str]) -> BodyDataset:
     """Return what a recording tells of some joints: what they or the world carry, seen by the same.
 
     Args:
-        data: The recording.
         joints: Names of the joints; what carries one of them is among them.
 
     Raises:

@@ -62,7 +62,6 @@ def evaluate(model: SelfModel, dataset: Dataset) -> Evaluation:
     """Hold a self-model against a data set.
 
     Args:
-        model: The self-model.
         dataset: Encoder readings and measured points, of the same joints in any order.
 
     Returns:
@@ -94,7 +93,6 @@ def expected_covariance(
     """Return the covariance of measured points about their predictions [m^2].
 
     Args:
-        model: The self-model.
         readings: Of its joints, in its units. Shape (N, n).
         marker: Index of each row's marker. Shape (N,).
         known: Covariance of the predictions themselves, if the model has one. Shape (N, 3, 3).
@@ -111,7 +109,6 @@ def noise_at(model: SelfModel, readings: NDArray, marker: NDArray) -> NDArray | 
     """Return the covariance of what sensor and joints add to each point [m^2].
 
     Args:
-        model: The self-model.
         readings: Of its joints, in its units. Shape (N, n).
         marker: Index of each row's marker. Shape (N,).
 

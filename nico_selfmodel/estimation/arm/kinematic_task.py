@@ -79,7 +79,6 @@ class KinematicTask:
 
         Args:
             dataset: Training data.
-            nominal: The robot as described.
             pins: Parameters held or freed by name.
             starts: Random starts allowed.
             seed: Of the random starts and of the circles' outlier search.

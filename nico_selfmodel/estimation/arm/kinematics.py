@@ -155,7 +155,6 @@ def calibrate_kinematics(
         pins: Parameters held or freed by name.
         loss: One of `optimization.robust_solve.ROBUST_METHODS`.
         starts: Random starts allowed beside circle points and the robot.
-        seed: Of the random starts.
         name: Name of the self-model; the data set's if omitted.
         explain: Look for what would make the data fit, where they do not; that takes longer than
             the calibration.

@@ -25,9 +25,7 @@ def learned_model(
     """Assemble the self-model with covariance, noise and provenance.
 
     Args:
-        solved: The solution.
         dataset: What it was learned from.
-        name: What the model is called.
         nominal: The robot, if one was given.
         fit: What to remember of the fit.
     """
@@ -57,8 +55,6 @@ def training_of(
 
     Args:
         dataset: What was learned from.
-        observations: Its measured points.
-        solved: The solution.
         unseen: Errors in cross-validation [m]; those of the training are taken where there are
             none. Shape (K,).
 

@@ -57,7 +57,6 @@ def refine_named(
     """Refine with parameters pinned or freed by name.
 
     Args:
-        observations: What was measured.
         start: The best arm without pins.
         held: What to hold and what to let move.
         found: How the best arm was found, with its outliers.

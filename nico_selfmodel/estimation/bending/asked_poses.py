@@ -44,7 +44,6 @@ def drawn_poses(pose: NDArray, seed: int) -> NDArray:
 
     Args:
         pose: Pose of each row. Shape (N,).
-        seed: Of the draw.
     """
     poses = np.unique(pose)
     if len(pose) <= MOST_ROWS:

@@ -145,7 +145,6 @@ def bending_json(
         ladder: What was asked.
         bending: What bends in the body as learned.
         at: Where it is.
-        joints: Names.
     """
     if not ladder.steps:
         return None

@@ -122,7 +122,6 @@ def lines_of(model: SelfModel, markers: tuple[str, ...]) -> ArmEstimate:
     """Return a model's arm as lines, each point on its axis nearest to the hand, at q = 0.
 
     Args:
-        model: The model.
         markers: Tracked points to keep, in this order.
     """
     chain = model.chain

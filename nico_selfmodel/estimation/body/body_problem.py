@@ -192,7 +192,6 @@ def lines_of_tree(tree: BodyTree, zero: NDArray, markers: tuple[str, ...]) -> Ar
     Args:
         tree: An arm, its markers the first of all.
         zero: Encoder angles at which its lines are told [rad]. Shape (n,).
-        markers: Names of its tracked points.
     """
     n, count = len(zero), len(tree.joints)
     readings = np.pad(zero, (0, count - n))[None]

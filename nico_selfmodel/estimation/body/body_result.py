@@ -101,7 +101,6 @@ def refinement_block(
     Args:
         before: The body before it, on held-out data.
         calibration: What was learned; None where that came to no end.
-        verdict: What is thought of it.
     """
     test = None if calibration is None else calibration.test
     refused = verdict.status == "FAIL"

@@ -89,7 +89,6 @@ def position_sigma(
 
     Args:
         observations: Poses to take the mean over.
-        parameters: The arm.
         noise: Its joint sigma.
     """
     slopes = slopes_by_angle(parameters, observations.arm.predicted(parameters)[1])

@@ -49,7 +49,6 @@ class SightsApart:
 
         Args:
             dataset: Data with pixels; rows with reflections and of one camera alone tell nothing.
-            rig: The cameras.
         """
         both = np.isfinite(dataset.pixels).all(axis=1) & (dataset.mirror == "")
         rows = np.flatnonzero(both)[np.argsort(dataset.sample[both], kind="stable")]

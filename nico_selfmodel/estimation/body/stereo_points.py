@@ -61,7 +61,6 @@ class StereoPoints:
         Args:
             cameras: A self-model with both cameras.
             train: Data with pixels.
-            test: Held-out data.
             pinned: Parameters of the arm that are known.
 
         Raises:

@@ -167,7 +167,6 @@ class PairAccuracy:
         """Hold two cameras against the boards that both saw.
 
         Args:
-            calibration: What was learned.
             link: Two of its cameras.
             shown: The boards that are rebuilt.
         """
@@ -213,7 +212,6 @@ def beyond_learned(calibration: CameraCalibration, views: BoardViews) -> NDArray
     What a lens does there no board has told.
 
     Args:
-        calibration: What was learned.
         views: Other views, of the same cameras.
 
     Returns:

@@ -48,7 +48,6 @@ class BoardResiduals(SeparableBlock):
         """Take the data.
 
         Args:
-            views: Corners seen.
             X_LG: Poses of the boards about which they are parameterised. Shape (V, 4, 4).
             sigma: Standard deviation of a pixel coordinate [px].
             aspect: Hold fy / fx at this ratio; `fy` is no variable then.

@@ -101,7 +101,6 @@ class CameraCalibration:
         """Return the cameras as a self-model without an arm.
 
         Args:
-            name: What it is called.
             provenance: Where it comes from.
         """
         return SelfModel(

@@ -98,7 +98,6 @@ def rational_like(fisheye: Camera, pixels: NDArray) -> Camera:
     Of as many coefficients as leave no pole there.
 
     Args:
-        fisheye: The fisheye.
         pixels: Corners, nan where not seen. Shape (..., 2).
 
     Returns:
@@ -255,7 +254,6 @@ def pose_of_seen_boards(cameras: tuple[Camera, ...], views: BoardViews) -> NDArr
 
     Args:
         cameras: The cameras, the first one at the world.
-        views: Corners.
 
     Returns:
         X_LG. Shape (V, 4, 4).

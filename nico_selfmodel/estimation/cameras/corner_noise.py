@@ -33,7 +33,6 @@ def corner_noise(
     """Return the variance of each residual as it alone tells it, and as all of them tell it.
 
     Args:
-        views: The boards.
         parts: Where the adjustment ended, views that do not count among them.
         jacobian: By the free camera parameters, boards eliminated; zero of views that do not count.
             Shape (V k, s).

@@ -45,7 +45,6 @@ class KnownCameras:
 
         Args:
             model: A self-model with the cameras.
-            views: Boards.
             held_out: Whether they were held out.
 
         Raises:

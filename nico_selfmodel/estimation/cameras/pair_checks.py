@@ -40,7 +40,6 @@ def check_pair(calibration: CameraCalibration, link: tuple[str, str], alone_rms:
     """Refuse what is no pair of cameras.
 
     Args:
-        calibration: The cameras.
         link: Two of them that saw boards at once.
         alone_rms: What the cameras leave unexplained when each is calibrated alone [px].
 

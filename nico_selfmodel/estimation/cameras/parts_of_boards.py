@@ -128,7 +128,6 @@ def _place(views: BoardViews, pixels: NDArray, camera: Camera, X_WG: NDArray) ->
     """Return a camera's corners where they lie on the board; None where that is not plain. (P, 2).
 
     Args:
-        views: Of the board.
         pixels: Corners in one of their places, nan where not seen. Shape (P, 2).
         camera: Whose they are.
         X_WG: Pose of the board. Shape (4, 4).

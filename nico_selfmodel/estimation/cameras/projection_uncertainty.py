@@ -61,7 +61,6 @@ class ProjectionUncertainty:
         """Carry the covariance of a calibration into the image.
 
         Args:
-            calibration: What was learned.
             camera: Which camera, as `left`.
             aspect: The ratio fy / fx that was held, if one was.
         """

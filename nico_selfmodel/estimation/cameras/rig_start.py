@@ -54,7 +54,6 @@ def rig_start(alone: Sequence[Placed], views: BoardViews) -> tuple[tuple[Camera,
 
     Args:
         alone: Each camera by itself, in the order of `views.cameras`.
-        views: Corners.
 
     Returns:
         The cameras, and X_LG of all views, shape (V, 4, 4).

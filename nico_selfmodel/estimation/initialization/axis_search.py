@@ -48,10 +48,8 @@ def random_starts(
     """Yield arms, each the local optimum of one random start; endless.
 
     Args:
-        observations: What was measured.
         gear_known: Joints whose gear is not searched. Shape (n,).
         zero: Encoder angles of the zero configuration [rad]. Shape (n,).
-        rng: Source of the starts.
         directions: Directions to stay near, nan where unknown: every second start stays within
             about 25 deg of them, the others ignore them. Shape (n, 3).
         gear: Gears that go with them, nan where unknown. Shape (n,).
@@ -133,7 +131,6 @@ def project_variables(
     """Refine directions and unknown gears of S starts, with everything linear eliminated.
 
     Args:
-        observations: What was measured.
         directions: Starts, unit length. Shape (S, n, 3).
         gear: Starts. Shape (S, n).
         gear_known: Joints whose gear stays. Shape (n,).

@@ -87,7 +87,6 @@ def analyse_circle_points(
     """Infer axes, gears and hand points from sweeps.
 
     Args:
-        observations: What was measured.
         sweeps: Sweeps; their rows index `observations`.
         gear_known: Joints whose gear is 1: their angles help to fit short arcs. Shape (n,).
         rng: Source of the random triples that protect against outliers.

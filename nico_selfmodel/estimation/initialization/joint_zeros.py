@@ -30,7 +30,6 @@ def meaningful_parameters(
 
     Args:
         arm: The arm at its reference reading.
-        units: Units of the encoders.
         gear_known: Joints read in rad or deg. Shape (n,).
         nominal: The robot, if one was given.
         first_zero: Encoder angle of the robot's zero of joint 1 from limits, if known [rad].

@@ -54,9 +54,7 @@ def nominal_start(
     sides, of the data set's joints and of the description, to tell gear and zero.
 
     Args:
-        nominal: The arm.
         dataset: The data, for limits.
-        observations: What was measured.
         gear_known: Joints whose gear is 1. Shape (n,).
 
     Returns:

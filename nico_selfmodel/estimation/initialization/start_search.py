@@ -75,7 +75,6 @@ def refine_lines(
     """Refine an arm in the minimal line parameters.
 
     Args:
-        observations: What was measured.
         start: Where to start.
         pinned_gears: Gears that stay at the start's value. Shape (n,).
         sigma: Whitening of the residuals [m].
@@ -117,7 +116,6 @@ def search_starts(
     """Refine each start, until enough of them agree on the best minimum.
 
     Args:
-        observations: What was measured.
         few: The part of it on which starts are tried.
         starts: Labelled starts, the most trusted first; at least one.
         pinned_gears: Gears that stay. Shape (n,).
@@ -204,8 +202,6 @@ def few_rows(observations: Observations, seed: int, rows: int = SEARCH_ROWS) -> 
     They have three times as many equations as unknowns.
 
     Args:
-        observations: What was measured.
-        seed: Of the choice.
         rows: As many at least, if there are.
     """
     unknowns = 5 * len(observations.joints) + 3 * len(observations.markers)

@@ -109,7 +109,6 @@ def alignment_step(
 
     Args:
         views: What was seen and expected; every mirror in at least one.
-        rig: The cameras.
         mirrors: Where the mirrors were expected to stand.
         motions: How the body may stand elsewhere; k of them.
         before: What was known before the pictures: how far the values are from it, shape (n,), and

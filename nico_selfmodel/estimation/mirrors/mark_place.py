@@ -119,8 +119,6 @@ def spot_of(
     Args:
         pixels: Left u, v and right u, v [px]. Shape (4,).
         sigma: Of each.
-        rig: The cameras.
-        mirror: What they look into.
         body: The own body.
 
     Returns:

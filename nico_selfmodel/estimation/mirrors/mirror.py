@@ -111,7 +111,6 @@ def calibrate_mirrors(
 
     Args:
         dataset: Poses with pixels; rows that name a mirror are reflections in it.
-        model: The body, with arm and cameras.
         test: Held-out data, for judging only.
         joint_sigma: Standard deviation of a joint's play [rad]; by default what the model's
             training left, or what explains its `noise_sigma`.
@@ -161,7 +160,6 @@ def evaluate_mirrors(
 
     Args:
         dataset: Poses with pixels seen in these mirrors.
-        model: The body, with arm and cameras.
         mirrors: Planes by name.
 
     Returns:

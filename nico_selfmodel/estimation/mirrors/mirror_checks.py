@@ -26,10 +26,6 @@ _SAME_PLACE = 0.1
 def require_reflections(reflections: Reflections, noise: ReflectionNoise) -> None:
     """Refuse mirrors most of whose pixels show the points themselves.
 
-    Args:
-        reflections: Of all mirrors.
-        noise: Of pixels and joints.
-
     Raises:
         DataError: Naming the mirror.
     """
@@ -54,8 +50,6 @@ def unnamed_reflections(dataset: Dataset, model: SelfModel, noise: ReflectionNoi
 
     Args:
         dataset: Data without a named reflection.
-        model: The body.
-        noise: Of pixels and joints.
 
     Returns:
         An explanation to add to a message; empty where there is none.
@@ -86,9 +80,6 @@ def misplaced_rows(
 
     Args:
         dataset: All data.
-        model: The body.
-        mirrors: What was learned.
-        noise: Of pixels and joints.
 
     Returns:
         Rows of the data set. Shape (k,).

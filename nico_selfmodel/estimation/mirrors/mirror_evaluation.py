@@ -33,7 +33,6 @@ class MirrorEvaluation:
         """Predict and rebuild.
 
         Args:
-            reflections: What was seen.
             mirrors: In the order of `reflections.mirrors`.
         """
         shown = project_reflections(reflections, values_of(mirrors)).pixels

@@ -32,7 +32,6 @@ def flatness_of(
     Args:
         reflections: Inlier rows of this mirror, their points in front of it.
         mirror: The plane that fits best.
-        noise: Of pixels and joints.
 
     Returns:
         The test; None where there are too few poses for it.

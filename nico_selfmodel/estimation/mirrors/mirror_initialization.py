@@ -105,7 +105,6 @@ def rebuilt_points(rig: StereoRig, pixels: NDArray) -> NDArray:
     """Triangulate what can be: nan where a camera saw nothing, or lines of sight do not meet.
 
     Args:
-        rig: Two cameras.
         pixels: Shape (N, 4).
 
     Returns:

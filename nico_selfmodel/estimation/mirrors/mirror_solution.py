@@ -99,7 +99,6 @@ def solve_mirrors(
     """Fit three parameters a mirror to the pixels of all cameras.
 
     Args:
-        reflections: Of all mirrors.
         start: Planes near the solution.
         noise: Of pixels and joints; with the arm's own covariance it whitens each row.
         loss: One of `optimization.robust_solve.ROBUST_METHODS`, per row; plain least squares where

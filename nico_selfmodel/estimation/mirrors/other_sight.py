@@ -35,7 +35,6 @@ def other_sights(rig: MirrorRig, side: int, pixels: ArrayLike, depths: ArrayLike
     """Return where the other camera should see spots, on the body's surface or on the glass.
 
     Args:
-        rig: The cameras and the mirror.
         side: The camera that sees the spots, 0 or 1.
         pixels: Where. Shape (N, 2).
         depths: Along its optical axis, to where the surface's reflection seems to be there; not

@@ -95,9 +95,7 @@ def independent_covariance(
     Noise of the pixels, play of the joints, and what the points themselves are uncertain by.
 
     Args:
-        reflections: The rows.
         by_point: Derivatives of the pixels by the points. Shape (N, 2 C, 3).
-        noise: Of pixels and joints.
 
     Returns:
         Shape (N, 2 C, 2 C).
@@ -112,7 +110,6 @@ def shared_factor(reflections: Reflections, x: NDArray, by_point: NDArray) -> ND
     """Return F with F F' the covariance that all pixels share through arm and cameras.
 
     Args:
-        reflections: The rows.
         x: `Mirror.values` of every mirror in turn. Shape (3 M,).
         by_point: Derivatives of the pixels by the points. Shape (N, 2 C, 3).
 
@@ -134,9 +131,7 @@ def whitening_of(reflections: Reflections, x: NDArray, noise: ReflectionNoise) -
     """Return W with W S W' = I of each row, S from its own noise and from the arm's covariance.
 
     Args:
-        reflections: The rows.
         x: `Mirror.values` of every mirror in turn. Shape (3 M,).
-        noise: Of pixels and joints.
 
     Returns:
         Lower triangular, zero where nothing was seen. Shape (N, 2 C, 2 C).

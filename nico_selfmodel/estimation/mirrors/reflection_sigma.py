@@ -24,8 +24,6 @@ def reflection_sigma(
     mirror's covariance as it was learned, and s_p what is not known of where the body's points are.
 
     Args:
-        rig: The cameras.
-        mirror: What is looked into.
         side: Which camera, 0 or 1.
         depth: Along the optical axis to where the reflection seems to be [m]; inf where there is
             none. Shape (h, w).

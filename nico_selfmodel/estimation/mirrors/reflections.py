@@ -76,7 +76,6 @@ class Reflections:
 
         Args:
             dataset: Encoder readings, pixels, and the name of the mirror in each row.
-            model: The body, with arm and cameras.
 
         Returns:
             The reflections, with the points where the model predicts them.
@@ -164,8 +163,6 @@ def known_points(dataset: Dataset, model: SelfModel, rows: NDArray) -> KnownPoin
     """Predict the points of chosen rows, with what the model knows of its own errors.
 
     Args:
-        dataset: Encoder readings.
-        model: The body, with arm and cameras.
         rows: Indices. Shape (N,).
 
     Raises:

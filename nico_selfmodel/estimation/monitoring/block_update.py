@@ -94,7 +94,6 @@ def learn_block(
     dz = -(J_z'J_z)^-1 J_z' (r - J_b db).
 
     Args:
-        model: The body.
         observations: The data, as `hand_observations_of` this model.
         names: What to learn.
         scales: Natural scale of each, on which its sigma says whether it is known. Shape (k,).

@@ -70,7 +70,6 @@ def ranked_causes(
 
     Args:
         poses: Before and after the change; those before tell the model's own errors.
-        noise: What disturbs them.
         covariance: Of the poses' parameters. Shape (P, P).
         causes: What may have changed.
         since: First pose after the change.
@@ -90,7 +89,6 @@ def diagnosed(hypothesis: Hypothesis, found: ChangeEstimate, unchanged: float) -
     """Return what a change explains, not yet held against others.
 
     Args:
-        hypothesis: The change.
         found: Its most likely size.
         unchanged: Logarithm of the likelihood of no change.
     """
@@ -112,7 +110,6 @@ def hypotheses(model: SelfModel, names: tuple[str, ...]) -> tuple[Hypothesis, ..
     """Return what may change: each zero, each gear, each tracked point, the cameras.
 
     Args:
-        model: The body.
         names: Parameters that the observations depend on.
     """
     found = [simple_hypothesis(f"zero of {j}", (f"{j}.theta_offset",), names) for j in model.joints]

@@ -47,7 +47,6 @@ def with_large_slips(
         model: The body as it was.
         dataset: All poses.
         sensor: As for `hand_observations_of`.
-        noise: What disturbs the poses.
         since: First pose after the change.
         found: What small changes explain, the best first.
 

@@ -163,7 +163,6 @@ def dated(
 
     Args:
         poses: All poses.
-        noise: What disturbs them.
         covariance: Of the poses' parameters. Shape (P, P).
         causes: What may have changed.
         since: The first guess.

@@ -12,7 +12,6 @@ def health_document(report: HealthReport, left: str | None = None) -> dict[str, 
     """Return a health report as plain data; `status` is FAIL where something changed.
 
     Args:
-        report: What was found.
         left: What the likeliest cause leaves once it is learned anew; None where it explains all,
             or that was not asked.
     """

@@ -83,7 +83,6 @@ def monitored_changes(model: SelfModel, names: tuple[str, ...]) -> MonitoredChan
     """Return what is looked for in a body: encoder jumps, points that moved, turned cameras.
 
     Args:
-        model: The body.
         names: Parameters that its measurements depend on.
     """
     kinds = {"jump": _jumps(model, names), "point": _shifts(model, names)}

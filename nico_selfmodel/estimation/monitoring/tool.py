@@ -245,7 +245,6 @@ def of_tip(model: SelfModel, dataset: Dataset, tool: str | None = None) -> Datas
 
     Args:
         model: The body without the tool.
-        dataset: What was measured.
         tool: Name of the tip; if omitted that of the point that the body does not know, or `tool`.
 
     Raises:
@@ -272,7 +271,6 @@ def with_marker(model: SelfModel, tool: str) -> SelfModel:
     """Return the body with a tracked point where its first one is, to be learned anew.
 
     Args:
-        model: The body.
         tool: Name of the point; the body stays as it is if it has it.
     """
     table = model.dh

@@ -92,10 +92,8 @@ def evaluate_update(
 
     Args:
         before: The body as it was, with all points that were tracked.
-        update: What was learned.
         train: What it was learned from.
         sensor: As it was learned.
-        test: Held-out observations.
         with_prior: Whether the rest of the body was free under its posterior.
     """
     observations = hand_observations_of(before, train, sensor)

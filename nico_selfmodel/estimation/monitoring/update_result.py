@@ -33,7 +33,6 @@ def tool_result(
     """Return a tool with all that it is judged by and that is written down of it.
 
     Args:
-        calibration: What was learned.
         evaluation: What it was worth, if that was asked.
     """
     sensor, test = calibration.sensor, calibration.test
@@ -68,7 +67,6 @@ def rezero_result(
     """Return new zeros with all that they are judged by and that is written down of them.
 
     Args:
-        found: What was found.
         evaluation: What it was worth, if that was asked.
     """
     shifts = np.degrees(found.shifts).tolist()
@@ -82,7 +80,6 @@ def relearned_result(
     """Return what a monitor learned anew with all that it is judged by and that is written down.
 
     Args:
-        update: What was learned.
         cause: What had changed, in words.
         evaluation: What it was worth, if that was asked.
     """

@@ -30,7 +30,6 @@ def likely_offsets(
 
     Args:
         model: The body; its own zeros are near the truth for all but `joints`.
-        observations: What was seen of it.
         joints: Joints whose zeros are lost.
 
     Returns:

@@ -78,10 +78,7 @@ class Linearised:
         """Linearise about an arm.
 
         Args:
-            observations: What was measured.
-            parameters: The arm.
             keep: Rows that count. Boolean, shape (N,).
-            noise: What disturbs them.
         """
         groups = PoseGroups(observations.visit, keep, 3, observations.pose)
         return cls.of(observations, parameters, groups, noise)
@@ -168,8 +165,6 @@ def uncertainty_of(
     Args:
         linear: Residuals and derivatives there.
         free: Parameters that were estimated.
-        observations: What was measured.
-        parameters: The solution.
         variances_known: Whether the noise is that of the data; else one factor is estimated.
         priors: What is known of some beforehand.
 
@@ -202,7 +197,6 @@ def without_levers(
 
     Args:
         found: By the derivatives alone.
-        parameters: The solution.
         natural: Natural scale of each parameter that was estimated. Shape (k,).
         sigma: Standard deviation of a coordinate, before its variance factor [m].
         levers: Mean square distance of the tracked points from each axis [m^2]. Shape (n,).

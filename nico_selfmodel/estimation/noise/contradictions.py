@@ -110,7 +110,6 @@ def hand_contradictions(
     """Return which poses contradict an arm, or an arm and two cameras.
 
     Args:
-        model: The body.
         observations: What is held against it, where its parameters are.
         dataset: The measurements, for the noise that they state; none if omitted.
 

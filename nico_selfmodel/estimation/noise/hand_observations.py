@@ -238,7 +238,6 @@ def with_values(model: SelfModel, names: tuple[str, ...], x: NDArray) -> SelfMod
     """Return a model with other values of arm and, where named, cameras.
 
     Args:
-        model: The model.
         names: Names as of `HandObservations`: the arm's parameters, then the cameras' if there are
             pixels.
         x: Their values. Shape (P,).

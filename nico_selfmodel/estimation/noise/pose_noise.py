@@ -77,7 +77,6 @@ class PoseWhitening:
         Args:
             groups: Which rows belong together.
             by_angle: Derivatives of the rows' coordinates by the joint angles. Shape (N, k, n).
-            noise: What disturbs them.
             slipped: Joints that are free in a pose, whatever their noise. Boolean, (visits, n).
         """
         self.groups, self.noise = groups, noise

@@ -92,7 +92,6 @@ def refine_by_pose(
     """Refine an arm that is near its minimum.
 
     Args:
-        observations: What was measured.
         start: The arm; parameters that are not free stay.
         free: Names of the parameters to estimate.
         outliers: Outlier rows so far. Boolean, shape (N,).

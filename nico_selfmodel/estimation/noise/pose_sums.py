@@ -41,7 +41,6 @@ def refine_on_all(
     Gauss-Newton steps, and rows that are outliers.
 
     Args:
-        observations: All that was measured.
         solved: The solution of the sample, with its noise.
         trim: Look for outliers.
 
@@ -175,11 +174,8 @@ class PoseSums:
         """Linearise about an arm and add up.
 
         Args:
-            observations: What was measured.
-            parameters: The arm.
             free: Names of the parameters that are estimated.
             keep: Rows that count. Boolean, shape (N,).
-            noise: What disturbs them.
             folds: How many folds of whole poses there are.
         """
         n, k = len(observations.joints), len(free)

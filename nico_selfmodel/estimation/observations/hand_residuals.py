@@ -27,7 +27,6 @@ class LineResiduals:
         """Prepare the chart at a start.
 
         Args:
-            observations: What was measured.
             start: The arm about which the chart is laid.
             sigma: Standard deviation that whitens the residuals [m].
         """
@@ -92,7 +91,6 @@ class DhResiduals:
         """Prepare the residuals.
 
         Args:
-            observations: What was measured.
             start: Table and servos at the start.
             sigma: Standard deviation that whitens the residuals [m].
         """

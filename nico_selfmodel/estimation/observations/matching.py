@@ -44,8 +44,6 @@ def check_markers(model: SelfModel, dataset: Dataset, seen: NDArray) -> None:
     """Refuse points that the model does not know.
 
     Args:
-        model: The self-model.
-        dataset: What was recorded.
         seen: Rows that count. Boolean, shape (N,).
 
     Raises:

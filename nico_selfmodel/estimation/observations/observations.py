@@ -47,7 +47,6 @@ class Observations:
         """Take the rows in which the point itself was measured.
 
         Args:
-            dataset: The data.
             markers: Only these tracked points, in this order; all by default.
 
         Raises:
@@ -73,8 +72,6 @@ class Observations:
         """Take chosen rows, with what is said to have been measured in them.
 
         Args:
-            dataset: The data.
-            markers: Names of the tracked points.
             rows: Rows of these.
             p_WH: What was measured [m]. Shape (N, 3).
         """

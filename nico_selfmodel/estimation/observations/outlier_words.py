@@ -30,7 +30,6 @@ def describe_outliers(observations: Observations, outliers: NDArray) -> str:
     """Name the samples of outliers, and an encoder that stands still in them.
 
     Args:
-        observations: What was measured.
         outliers: Rows that are outliers. Boolean, shape (N,).
 
     Returns:
@@ -72,7 +71,6 @@ def stuck_encoder(
 
     Args:
         joints: Names, n of them.
-        units: Of their readings.
         readings: Of each observation. Shape (N, n).
         sample: Sample of each. Shape (N,).
         outliers: Observations that nothing explains. Boolean, shape (N,).
@@ -102,7 +100,6 @@ def foreign_markers(observations: Observations, outliers: NDArray) -> list[str]:
     """Say which tracked points do not move with the others.
 
     Args:
-        observations: What was measured.
         outliers: Rows that are outliers. Boolean, shape (N,).
 
     Returns:

@@ -10,7 +10,6 @@ def parameter_scales_of(model: SelfModel, names: tuple[str, ...]) -> NDArray:
     """Return the parameter scale of each parameter: one radian, the arm's length, the gear.
 
     Args:
-        model: The body.
         names: Parameters of its arm, or of the pose of a camera.
 
     Returns:

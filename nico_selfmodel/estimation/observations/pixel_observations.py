@@ -32,7 +32,6 @@ class PixelObservations:
         """Take the rows in which a camera saw a point.
 
         Args:
-            dataset: The data.
             markers: Only these tracked points, in this order; all by default.
 
         Raises:
@@ -74,7 +73,6 @@ class PixelObservations:
 
         Args:
             fewest: Poses that are needed.
-            name: Of the data set.
             unknown: Parameters that so few poses leave open.
 
         Raises:
@@ -102,8 +100,6 @@ def seen_points(observations: PixelObservations, rig: StereoRig, sigma: float) -
     """Reconstruct the points that both cameras saw.
 
     Args:
-        observations: Pixels.
-        rig: The cameras.
         sigma: Standard deviation of a pixel coordinate [px].
 
     Returns:

@@ -24,7 +24,6 @@ def verdict_on(
     """Judge a calibration.
 
     Args:
-        result: What was learned.
         require_test_mm: Largest held-out error in space allowed [mm].
         require_test_px: Largest held-out error in the images allowed [px].
 

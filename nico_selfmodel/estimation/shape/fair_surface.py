@@ -123,8 +123,6 @@ class FairSurface:
 
         Args:
             diagonal: D, as in `solved`. Shape (V,).
-            rng: Source of e and f.
-            count: How many.
             steps: Of the conjugate gradients.
 
         Returns:

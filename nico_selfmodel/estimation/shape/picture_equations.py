@@ -64,8 +64,6 @@ class PictureEquations:
         """Work them out where surface and mirrors are now.
 
         Args:
-            mesh: The surface.
-            views: The pictures.
             smoother: The same pictures, blurred so that their slopes can be told from noise.
         """
         sums = _Sums.empty(len(mesh.vertices), len(views.covariance))

@@ -106,7 +106,6 @@ def refine_surface(
         blurred: The pictures, blurred by a Gaussian [px] of what shows the body; mirrors as the
             hand told them.
         rng: Source of samples of what is not known.
-        progress: Called after each step.
     """
     neighbours = Neighbours.of(mesh)
     before = replace(blurred(STEPS[0].levels), views=())  # whose pictures are not kept
@@ -213,7 +212,6 @@ def _sigma(
         found: What the pictures tell of the surface.
         fair: How smooth it is.
         covariance: P. Shape (3 M + c, 3 M + c).
-        rng: Source of the draws.
     """
     smooth = fair.neighbours.smoothed
     drawn = fair.drawn(found.own, rng, _SAMPLES, _STEPS)

@@ -39,8 +39,6 @@ def usual_errors(
     Recordings of one part of the workspace can be held against those of another by it.
 
     Args:
-        tree: The body.
-        seen: What was measured of it.
         noise: Standard deviations of sensors and joints, by name.
 
     Returns:

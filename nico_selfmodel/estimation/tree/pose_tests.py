@@ -38,10 +38,7 @@ def tested(
     """Return which observations are outliers and which joints slipped, beside what poses share.
 
     Args:
-        data: What was measured.
         linear: Residuals, and their derivatives by what is estimated.
-        groups: What belongs to one pose.
-        noise: What disturbs the recording.
         prior: Information of the priors on their diagonal. Shape (p,).
         outliers: Those that do not count, by row of the table. Boolean, shape (N,).
 
@@ -86,7 +83,6 @@ def far_observations(
     have drawn the others along.
 
     Args:
-        observations: What was measured.
         whitening: Of the observations that count.
         linear: Residuals, and their derivatives by the free parameters.
         noise: What disturbs each pose by itself.
@@ -165,7 +161,6 @@ def check_that_some_agree(
 
     Args:
         groups: What still counts.
-        observations: What was measured.
         outliers: What does not count, by row of the table. Boolean, shape (N,).
 
     Raises:

@@ -29,7 +29,6 @@ class TreeBlock(SummedBlock):
         """Prepare.
 
         Args:
-            observations: What was seen.
             free: Names of what is free, and its columns among all parameters. Shape (p,).
             linear: Maps what is free, shape (p,), to residuals and derivatives by all parameters.
             scale: Standard deviation of each scalar's sensor. Shape (R,).

@@ -199,14 +199,12 @@ def calibrate_tree(
     """Learn a body from all that any sensors measured of it.
 
     Args:
-        data: The recording.
         test: Held-out data, for judging only.
         description: The robot as described: a first guess, and priors on its frames.
         lenses: Intrinsics of cameras, by name; the recording's own where they are not given.
             What neither tells is learned, where boards or markers at nearly known places tell it.
         wishes: What the user holds, frees or knows by name.
         name: Name of the body; the recording's if omitted.
-        seed: Of random starts.
         effects: What may bend, of `estimation.bending.steps.STEPS`: kept where unseen poses gain.
             With none they are asked for all the same, to tell what they would explain.
         up: Unit vertical in W, for sag; the first axis that turns and W's are tried if omitted.

@@ -186,9 +186,7 @@ def cross_validate_tree(
     """Return residuals of inliers by bodies learned without their fold of poses.
 
     Args:
-        problem: What was solved.
         solution: Where it ended.
-        residuals: Of all observations.
 
     Returns:
         nan where an observation is an outlier, or depends on what its own fold alone tells; None
@@ -261,7 +259,6 @@ def errors_as_described(
     """Return what the robot as described leaves, with sensors and markers where training has them.
 
     Args:
-        problem: What was solved.
         solution: Where it ended.
         seen: The recording that is predicted.
     """

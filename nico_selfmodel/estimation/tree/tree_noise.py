@@ -44,7 +44,6 @@ def robust_weights(data: TreeObservations, r: NDArray) -> tuple[NDArray, float]:
     """Return Cauchy's weights, by the median of each sensor, and a cost by which starts compare.
 
     Args:
-        data: What was measured.
         r: What a start leaves, in the sensors' standard deviations. Shape (R,).
 
     Returns:
@@ -66,7 +65,6 @@ def standing_out(data: TreeObservations, r: NDArray) -> NDArray:
     """Return observations that are far out at a start, by the median of their sensor.
 
     Args:
-        data: What was measured.
         r: What the start leaves, in the sensors' standard deviations. Shape (R,).
 
     Returns:
@@ -131,10 +129,8 @@ def likeliest_noise(
     """Return the noise that residuals ask for, with what fitting took from them.
 
     Args:
-        data: What was measured.
         linear: Residuals about what is known beforehand, and their derivatives by what is
             estimated.
-        groups: What belongs to one pose.
         slipped: Joints that were read wrongly in a pose, if any. Boolean, (poses, m).
         start: Where the search begins.
         information: Inverse variances of what is known beforehand. Shape (P,).
@@ -157,10 +153,7 @@ def tree_whitening(
     Where it is joined these are those of `TreeNoise.own`.
 
     Args:
-        data: What was measured.
         linear: Derivatives by the joints' errors.
-        groups: What belongs to one pose.
-        noise: What disturbs it.
         slipped: Joints that were read wrongly in a pose, if any. Boolean, (poses, m).
         joined: Whiten also what poses share with each other; else all of it counts as their own.
     """
@@ -187,9 +180,7 @@ def likeliest_alike(
     Asked are the errors of a flange, and the turns that each sensor of poses measures.
 
     Args:
-        data: What was measured.
         linear: As in `likeliest_noise`, as are the others.
-        groups: What belongs to one pose.
         slipped: Joints that were read wrongly in a pose, if any. Boolean, (poses, m).
         start: The noise without.
         information: Inverse variances of what is known beforehand. Shape (P,).
@@ -272,7 +263,6 @@ def beside_shared(
     """Return what is linear, and what is known of it beforehand, with shared errors as parameters.
 
     Args:
-        data: What was measured.
         linear: Residuals, and their derivatives by what is estimated.
         information: Inverse variances of what is known beforehand. Shape (P,).
         alike: Errors that poses share; as parameters N(0, 1) they follow the others.

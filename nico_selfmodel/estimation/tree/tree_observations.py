@@ -82,7 +82,6 @@ class TreeObservations:
         """Lay out a recording.
 
         Args:
-            data: The recording.
             keep: Rows of its table that count; all if omitted. Boolean, shape (N,).
         """
         table, found, first = data.observations, [], 0

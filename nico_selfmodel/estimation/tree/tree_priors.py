@@ -42,8 +42,6 @@ def beside_noise(
     explained to the last digit without a description, and touches by a body of no size.
 
     Args:
-        priors: All of them.
-        seen: What was measured.
         bends: Names of what bends.
         few: Whether there are hardly more numbers than parameters.
     """
@@ -99,7 +97,6 @@ def expected_priors(
     """Return priors whose variances are the mean of what the data leave, those of a group alike.
 
     Args:
-        priors: As they are.
         alike: Groups that share one.
         names: What is free.
         values: Where `white` is.

@@ -152,7 +152,6 @@ def blank_body(data: BodyDataset, lenses: Mapping[str, Camera]) -> BodyTree:
     """Return a body with the recording's joints, markers and sensors, all frames the identity.
 
     Args:
-        data: The recording.
         lenses: Intrinsics of cameras, by name; the recording's own where they are not given, and
             any where neither is.
     """
@@ -205,8 +204,6 @@ def setup_of(
     """Return what is estimated.
 
     Args:
-        data: The recording.
-        parameters: Of the body.
         description: The robot as described, whose errors have priors.
         wishes: What the user holds, frees or knows.
 
@@ -361,7 +358,6 @@ def held_scale(tree: BodyTree, world: str, free: Collection[str]) -> str | None:
     """Return the largest part of the first other camera's place, which holds the scale.
 
     Args:
-        tree: The body.
         world: What stands for the world.
         free: Names of what moves: a camera that saw nothing does not.
     """

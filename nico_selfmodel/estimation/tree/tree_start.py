@@ -54,7 +54,6 @@ class TreeStart:
         """Adjust it to the end; return the problem, and where that is.
 
         Args:
-            observations: What was measured.
             noise: What disturbs it, where that is known; estimated if omitted.
 
         Raises:
@@ -85,8 +84,6 @@ class TreeStart:
 
         Args:
             label: Where it comes from.
-            tree: The body.
-            data: The recording.
             observations: What of it counts.
             description: The robot as described, where it is.
             wishes: What the user holds, frees or knows.

@@ -83,7 +83,6 @@ def run_encounters(
     Args:
         robots: Who have learned arm and cameras.
         trials: In all, each kind of encounter as often as possible, in random order.
-        progress: Told how far it is.
 
     Returns:
         All trials.

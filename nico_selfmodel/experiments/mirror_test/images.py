@@ -73,7 +73,6 @@ def run_images(robots: Sequence[Acquainted], progress: Stage | None = None) -> I
 
     Args:
         robots: Who have learned arm and cameras.
-        progress: Told how far it is.
     """
     done: list[ImageTrial] = []
     for i, robot in enumerate(robots):

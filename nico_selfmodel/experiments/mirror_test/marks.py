@@ -141,7 +141,6 @@ def run_marks(robots: Sequence[Knowing], trials: int, progress: Stage | None = N
         robots: Who know themselves and their mirrors.
         trials: In all: of eight in turn four marks, two shams, one on the glass and one on another
             robot, in random order.
-        progress: Told how far it is.
 
     Returns:
         All trials.

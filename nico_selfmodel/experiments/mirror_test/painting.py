@@ -73,8 +73,6 @@ class Painter:
         """Take a station.
 
         Args:
-            station: It.
-            context: Its context.
             X_BM: Where its mirror stands, in the frame of the arm's base. Shape (4, 4).
             noise: Of its pictures [grey levels].
         """
@@ -87,7 +85,6 @@ class Painter:
 
         Args:
             kind: One of `KINDS`.
-            rng: Source of places and colours.
 
         Raises:
             NoPlaceError: If there is no such place.

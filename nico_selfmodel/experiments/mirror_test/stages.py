@@ -65,13 +65,11 @@ def run_stages(
     """Let robots learn themselves and go through the test; who fails one but the third ends there.
 
     Args:
-        world: What is wrong with the bodies.
         seeds: Which robots.
         trials: Encounters in all.
         looks: Of each robot at its unmarked body.
         marks: Trials with marks in all, controls among them.
         plate: The glass that somebody puts before them from stage 2 on.
-        progress: Told how far it is.
 
     Returns:
         What happened.

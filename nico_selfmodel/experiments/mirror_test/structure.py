@@ -73,7 +73,6 @@ def run_structure(robots: Sequence[Knowing], progress: Stage | None = None) -> S
 
     Args:
         robots: Who know themselves and two mirrors.
-        progress: Told how far it is.
     """
     found: list[LinkStructure] = []
     refused: list[Refusal] = []

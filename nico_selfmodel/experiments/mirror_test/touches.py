@@ -148,8 +148,6 @@ def run_touches(
         robots: Who know themselves.
         shapes: Seed of a robot -> what it has learned of head and chest; who is left out plans with
             the description's.
-        marks: What was found.
-        progress: Told how far it is.
     """
     touched: list[TouchTrial] = []
     plans: list[TouchTrial] = []
@@ -216,9 +214,7 @@ def places_near(
     """Return places of head and chest that the finger comes near to in random postures.
 
     Args:
-        planner: Whose arm.
         postures: How many are drawn, evenly between the joints' limits.
-        rng: Source of them.
 
     Returns:
         Links and places [m], shape (3,) each.

@@ -58,7 +58,6 @@ def run_unmarked(
     Args:
         robots: Who know themselves and their mirrors.
         looks: Of each robot, at random poses, with the lights in turn.
-        progress: Told how far it is.
 
     Returns:
         All looks.

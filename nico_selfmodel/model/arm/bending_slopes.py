@@ -49,7 +49,6 @@ def bending_slopes(bending: Bending, at: Bent) -> NDArray:
     """Return derivatives of what is seen by `Bending.values`.
 
     Args:
-        bending: What bends.
         at: The body where it bends.
 
     Returns:

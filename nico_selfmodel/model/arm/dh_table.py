@@ -63,7 +63,6 @@ class DhTable:
         intersect, "r >= 0" would be decided by noise. For parallel axes r > 0.
 
         Args:
-            chain: The lines.
             like: A table whose signs and gauge are followed, so that two versions of one arm can
                 be compared number by number. Which rows are Hayati's is told by these lines alone:
                 a row made like one of other axes would put its feet tens of metres away.

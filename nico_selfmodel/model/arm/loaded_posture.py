@@ -46,7 +46,6 @@ class LoadedPosture:
         """Return derivatives of tracked points by what bends; those of the moments are left out.
 
         Args:
-            bending: What bends.
             p_WH: The points [m]. Shape (N, 3).
 
         Returns:
@@ -71,7 +70,6 @@ def loaded(
     """Return where an arm's frames are.
 
     Args:
-        table: The arm.
         bending: What bends; nothing if None.
         q: Displacements as the encoders tell [rad], floats or Drake's scalars. (N, n) or (n,).
         approach: How each encoder last moved, -1, 1, or 0 where it is not known. As `q`.

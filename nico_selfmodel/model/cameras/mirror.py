@@ -151,7 +151,6 @@ def mirror_camera(camera: Camera, plane: Plane) -> Camera:
     new axis is not -S).
 
     Args:
-        camera: The real camera.
         plane: The mirror, in the same world as the camera.
 
     Returns:

@@ -78,7 +78,6 @@ def locate_in_mirror(
     square of that (Birge's ratio), and far beyond it there is no place to tell.
 
     Args:
-        rig: Cameras and mirror.
         pixels: Left u, v and right u, v of each reflection [px]. Shape (N, 4).
         pixel_sigma: Standard deviation of a pixel coordinate [px].
 

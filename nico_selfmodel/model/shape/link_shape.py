@@ -104,9 +104,6 @@ class BodyShape:
     def check_links(self, links: Iterable[str]) -> None:
         """Refuse a robot that lacks some of the links.
 
-        Args:
-            links: The robot's.
-
         Raises:
             ModelError: In that case.
         """

@@ -58,7 +58,6 @@ def parse_ply(
     """Return what a binary PLY of triangles holds.
 
     Args:
-        content: The file.
         where: Place for messages.
         wanted: Properties that its vertices must have; others are not returned.
 

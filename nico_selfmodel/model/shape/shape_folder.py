@@ -42,7 +42,6 @@ def save_shape(shape: BodyShape, folder: str | PathLike[str]) -> None:
     The same shape gives the same bytes.
 
     Args:
-        shape: The shape.
         folder: `body` beside the self-model.
 
     Raises:
@@ -109,7 +108,6 @@ def file_names(shape: BodyShape, end: str) -> dict[str, str]:
     """Return a file's name for each link: its own, or a number where no file may be called so.
 
     Args:
-        shape: The shape.
         end: Of the names, with a dot.
     """
     return {

@@ -79,7 +79,6 @@ def check_parameters(names: Iterable[str], known: Iterable[str]) -> None:
     """Refuse covariances of what the body does not have.
 
     Args:
-        names: Of the parameters.
         known: Names of joints, markers, sensors, planes, contacts.
 
     Raises:

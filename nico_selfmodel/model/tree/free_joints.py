@@ -33,7 +33,6 @@ def with_free_joints(
     """Return a body beside which something moves freely.
 
     Args:
-        tree: The body.
         joints: Names of what moves freely.
         markers: On links n, n + 1, ... of these joints, n those of the body.
     """

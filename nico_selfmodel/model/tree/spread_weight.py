@@ -47,7 +47,6 @@ def tree_loads(tree: BodyTree, mass: NDArray, centre: NDArray, pivots: NDArray) 
     """Return the loads of a `Bending` for a body whose masses are known.
 
     Args:
-        tree: The body.
         mass: Of each link, in any unit. Shape (n,).
         centre: Centres of mass on the links [m]. Shape (n, 3).
         pivots: Places of the bearings along their axes [m]. Shape (n,).

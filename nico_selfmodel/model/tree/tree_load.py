@@ -43,8 +43,6 @@ class TreeLoad:
         """Load a body.
 
         Args:
-            tree: The body.
-            bending: What bends.
             R_WJ: Orientations of the joint frames, did nothing bend. Shape (n, 3, 3, N).
             R_WL: Those of the links. Shape (n, 3, 3, N).
             readings: Encoder angles [rad] or lengths [m]. Shape (N, n).

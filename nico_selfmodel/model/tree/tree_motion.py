@@ -47,7 +47,6 @@ class TreeMotion:
         """Move a body.
 
         Args:
-            tree: The body.
             readings: Encoder angles [rad] or lengths [m], floats or Drake's scalars. Shape (N, n).
             flanges: Whole poses by joint; used where a joint is a flange or free.
                 Shape (N, n, 4, 4).

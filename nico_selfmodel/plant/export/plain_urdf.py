@@ -30,7 +30,6 @@ def plain_document(model: SelfModel, measuring_frame: str) -> Document:
     hangs on a link `base`, which is W.
 
     Args:
-        model: The self-model.
         measuring_frame: Name of a link to mark W with.
     """
     document = Document()

@@ -44,7 +44,6 @@ class ShapeInUrdf:
 
         Args:
             urdf: The file, which need not be there.
-            shape: The learned shape.
 
         Raises:
             ModelError: If nothing was seen of one of its links.
@@ -140,7 +139,6 @@ def painted_obj(shape: LinkShape, mtl: str) -> tuple[str, str]:
     MeshLab and Blender read them.
 
     Args:
-        shape: The surface.
         mtl: Name of the file of paints, beside the OBJ.
 
     Returns:

@@ -58,7 +58,6 @@ def learned_urdf(
     self-model's YAML.
 
     Args:
-        model: The self-model.
         description: The robot it belongs to.
         folder: Where the file will lie. Relative mesh paths are rewritten to lead there from
             this folder; without it they stay as they are, right only beside the original.
@@ -109,7 +108,6 @@ def masses_words(model: SelfModel, description: "ArmDescription | None") -> str:
     """Return which masses of a learned URDF are the robot's own, and which were invented.
 
     Args:
-        model: The self-model.
         description: The robot it belongs to; None where there is none.
     """
     if description is not None:

@@ -77,7 +77,6 @@ class GazeSolver:
         """Take a learned body.
 
         Args:
-            model: It.
             cameras: Those that shall look; all that joints carry if empty.
 
         Raises:
@@ -149,7 +148,6 @@ class GazeSolver:
 
         Args:
             readings: Of all joints in their own units; nan where one has no encoder. Shape (n,).
-            marker: Its name.
 
         Returns:
             In the body's world [m]. Shape (3,).

@@ -73,7 +73,6 @@ class PosedArm:
         """Build it.
 
         Args:
-            arm: Which robot and arm.
             model: The arm as it is known.
             finger: Link beyond the arm whose collision shape is one capsule.
             held: Joint -> angle where one that nobody commands stands elsewhere [rad].

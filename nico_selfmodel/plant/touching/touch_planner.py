@@ -136,8 +136,6 @@ class TouchPlanner:
         """Take an arm as it is known; nothing moves.
 
         Args:
-            arm: Which robot and arm.
-            model: The learned arm.
             finger: Link of the finger, whose collision shape is one capsule.
             held: Joint -> angle where one that nobody commands stands elsewhere [rad].
             X_WB: Where the body stands, of where the learned arm has it; places and what
@@ -192,7 +190,6 @@ class TouchPlanner:
             link: It; the arm does not move it.
             p_FM: The place in the link's frame [m]. Shape (3,).
             n_F: Outward normal of the link there. Shape (3,).
-            rng: Source of starts.
             near: Readings at which to start first, if some are known [encoder units]. Shape (n,).
 
         Raises:

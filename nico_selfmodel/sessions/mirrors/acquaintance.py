@@ -41,12 +41,7 @@ class Acquainted:
 
 
 def rendered(robot: Acquainted, quality: ImageQuality | None = None) -> RenderedNico:
-    """Return a robot as it is built, its arm of six joints.
-
-    Args:
-        robot: Which one.
-        quality: Of the pictures.
-    """
+    """Return a robot as it is built, its arm of six joints."""
     return RenderedNico(robot.world, robot.seed, (FIDUCIAL,), quality, touching_arm(FIDUCIAL))
 
 
@@ -56,9 +51,7 @@ def acquainted(
     """Let robots learn their cameras from chessboards and their arms from pictures of their hands.
 
     Args:
-        world: What is wrong with the bodies.
         seeds: Which robots.
-        progress: Told how far it is.
     """
     found = []
     for i, seed in enumerate(seeds):
@@ -78,7 +71,6 @@ def learn_six_joints(
     Args:
         world: What is wrong with its body.
         seed: Which robot.
-        stage: Told how far it is.
         held_out: Poses to judge by; in a third of them the hand is seen.
     """
     arm = touching_arm(FIDUCIAL)

@@ -42,7 +42,6 @@ def with_cameras(
 
     Args:
         model: Who has learned cameras and mirrors.
-        mirrors: Which.
         own: Of `before_pictures`. Shape (n, n).
 
     Returns:

@@ -40,16 +40,13 @@ def body_recorded_before_mirrors(
     """Let a whole Nico look at its hands in mirrors, one after the other, and at the room beside.
 
     Args:
-        world: What is wrong with it.
         seed: Which robot.
         session: Which day.
         whole: What moves, and what hangs about it.
         mirrors: Where each stands before the left camera of the robot as described that looks
             straight ahead.
         poses: Poses before each, the hands by turns.
-        name: Of the recording.
         lenses: Calibrated cameras by name, behind whose lenses markers are located.
-        progress: Called after each pose.
 
     Returns:
         What its cameras saw of hands' cards in the glass, and of everything directly.

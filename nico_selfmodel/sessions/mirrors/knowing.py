@@ -97,7 +97,6 @@ def know_mirrors(
     Args:
         robots: Who have learned arm and cameras.
         plate: The glass that somebody puts before them.
-        progress: Told how far it is.
 
     Returns:
         Those that know their mirrors now, and what those say who do not trust them.
@@ -119,8 +118,6 @@ def learn_two_mirrors(robot: Acquainted, plate: MirrorPlate, stage: Stage) -> Mi
 
     Args:
         robot: Who has learned arm and cameras.
-        plate: The glass.
-        stage: Told how far it is.
 
     Raises:
         EstimationError: If it does not.

@@ -149,9 +149,7 @@ def know_body(
 
     Args:
         image: What the robot expects, fresh; it stands and is lit as was learned afterwards.
-        model: Arm, cameras and mirrors.
         shots: Of the unmarked body, of every mirror that shall be known.
-        progress: Called after each step.
 
     Returns:
         What is known now.
@@ -219,7 +217,6 @@ def _with_cameras(
 
     Args:
         known: What was expected.
-        views: What was seen of it.
         mirrors: Of what is known, in turn.
         motions: How the body may stand elsewhere.
         before: What is known less what was before the pictures, shape (n,), and the covariance of

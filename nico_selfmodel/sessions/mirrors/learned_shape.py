@@ -72,7 +72,6 @@ class Skeleton:
         Lines end at four fifths of the way: what is about a joint is of the link beyond it.
 
         Args:
-            tree: Which link hangs on which.
             poses: Link -> its pose in W; others are left out. Shape (4, 4) each.
             whole: Links that all that hangs on them counts to.
         """
@@ -134,7 +133,6 @@ def learn_shape(
         poses: Link -> its pose in W. Shape (4, 4) each.
         wanted: Links whose shape is learned.
         rng: Source of samples of what is not known.
-        stage: Told how far it is.
 
     Raises:
         EstimationError: If the room is not plain, or no surface is found.

@@ -29,8 +29,6 @@ def look_poses(
 
     Args:
         looks: The robot before a mirror that it knows.
-        workspace: Its arm as described.
-        rng: Source of postures.
 
     Returns:
         Where to go, those that leave nine tenths of what the best leaves, best first [encoder

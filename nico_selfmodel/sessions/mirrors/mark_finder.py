@@ -108,7 +108,6 @@ class MarkFinder:
         """Return all marks that two looks show.
 
         Args:
-            names: Of the mirrors.
             looks: Both cameras' looks into one and the other.
             changes: What has changed in the first look where the expected body does not judge, if
                 it is known.

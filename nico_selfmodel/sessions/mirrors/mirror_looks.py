@@ -155,7 +155,6 @@ class MirrorLooks:
         """Go to a pose and take a picture with each camera.
 
         Args:
-            name: Of the mirror.
             command: Where to go [encoder units]. Shape (n,).
         """
         self.body.relive(command)

@@ -81,12 +81,10 @@ def learn_mirror(
         familiar: Readings at which the arm was learned: poses near them are preferred. (K, n).
         poses: To learn from, in each mirror.
         held_out: More poses in each, to judge by; as many as to learn from if omitted.
-        plate: The glass.
         mirrors: Name -> where that mirror is meant to stand; `MIRROR` at the default place if
             omitted.
         arm: Its arm, if that is another one than `looking_arm`.
         choices: Poses of the hand in each mirror from which to choose.
-        stage: Told what is going on.
 
     Returns:
         What was recorded and learned.

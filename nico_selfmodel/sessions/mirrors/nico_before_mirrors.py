@@ -59,9 +59,7 @@ class NicoBeforeMirrors:
         """Choose where mirrors shall stand.
 
         Args:
-            nico: The robot.
             mirrors: Name -> where that mirror is meant to stand before the left camera.
-            plate: The glass.
             knows: What it has learned of arm and cameras: tells tape from its reflection.
             rig: Calibrated cameras, if known: fiducials are located behind their lenses.
             familiar: Readings at which the arm was learned: poses near them are preferred.
@@ -117,7 +115,6 @@ class NicoBeforeMirrors:
             station: Of the day.
             poses: Wanted in each mirror.
             direct: Wanted without one.
-            rng: Source of random poses.
             best: Choose the poses that tell most of a mirror; otherwise any.
             spare: Poses planned for each that is wanted.
 
@@ -168,7 +165,6 @@ class NicoBeforeMirrors:
         """Record the hand directly, then before every mirror.
 
         Args:
-            name: Name of the data set.
             session: Which day.
             poses: In each mirror, in which both cameras see the reflection of every marker.
             direct: Poses without a mirror, in which both cameras see every marker.
@@ -177,7 +173,6 @@ class NicoBeforeMirrors:
                 show the hand to both cameras.
             folder: Where to keep samples from the first one on; resumed if it is there.
             keep_images: Keep the pictures in the folder.
-            progress: Called after each pose.
 
         Returns:
             Rows of direct views and of reflections; the latter name their mirror.
@@ -212,7 +207,6 @@ class NicoBeforeMirrors:
 
         Args:
             session: Which day.
-            mirror: Which mirror.
             command: Where to go [encoder units]. Shape (n,).
 
         Returns:

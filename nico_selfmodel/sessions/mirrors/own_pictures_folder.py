@@ -23,7 +23,6 @@ def write_looks(folder: str | Path, looks: Sequence[OwnLook], *, force: bool) ->
     Args:
         folder: To make.
         looks: What was seen, expected, and surprised.
-        force: Replace an earlier result.
 
     Returns:
         The content of `result.json`.

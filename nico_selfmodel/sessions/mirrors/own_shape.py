@@ -80,7 +80,6 @@ def _looked(
         nico: As it is rendered.
         model: Who knows all these mirrors.
         told: Where the glasses of the further ones really stand, X_BM. Shape (4, 4) each.
-        stage: Told how far it is.
 
     Returns:
         What it saw, where its links stood before the left camera, and the true surfaces of those
@@ -127,7 +126,6 @@ def learn_own_shape(
     Args:
         world: What is wrong with its body.
         seed: Which robot.
-        progress: Told how far it is.
 
     Raises:
         EstimationError: If it learns no mirror, does not trust one, or finds no surface.

@@ -83,11 +83,8 @@ def tell_mirrors(
     """Learn from the hand where mirrors stand that are put up for the shape.
 
     Args:
-        nico: The robot.
         model: What it has learned of arm and cameras.
         familiar: Readings at which the arm was learned. Shape (K, n).
-        plate: The glass.
-        stage: Told how far it is.
 
     Returns:
         The model that knows these mirrors too, and how they err with each other and the cameras;
@@ -150,7 +147,6 @@ def well_told(rig: StereoRig, mirrors: Mapping[str, Mirror], p_WQ: NDArray) -> d
     """Return the mirrors that are known well enough to find a body in them.
 
     Args:
-        rig: The cameras.
         mirrors: With covariances.
         p_WQ: Places of the body [m]. Shape (N, 3).
 
@@ -184,7 +180,6 @@ def look_at_shape(
         mirrors: As the hand told them.
         places: Where their glasses really stand, X_BM. Shape (4, 4) each.
         postures: To look from, free of collisions [encoder units]. Shape (n,) each.
-        stage: Told how far it is.
     """
     told = telling(stage, "looking at head and chest")
     shots, covered = [], []

@@ -65,7 +65,6 @@ def session_before_mirrors(
     glass.
 
     Args:
-        world: What is wrong with the body.
         seed: Which robot.
         session: Of poses and noise.
         mirrors: Where each stands before the left camera of the robot as described that looks
@@ -74,7 +73,6 @@ def session_before_mirrors(
         name: Of the recording; robot and session if omitted.
         pixel_sigma: Noise of a pixel coordinate [px].
         plate: Of what size they are, and whether they are flat; what stains show is left out.
-        progress: Called after each pose.
 
     Returns:
         The recording; lenses are told as they are, as calibrated cameras know them.

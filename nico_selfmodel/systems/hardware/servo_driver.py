@@ -63,7 +63,6 @@ class ServoDriver(OpenedAtStart, LeafSystem):
 
         Args:
             port: Serial port: `/dev/serial/by-id/...`, or of a `SimulatedBus`.
-            config: Its boards.
             servos: Of its self-model; gears of 1 and zeros of 0 if omitted.
             trust_zero: Accept commands though a zero was not set since power-up.
             speed: Largest joint speed [rad/s]; the limits if omitted.

@@ -139,7 +139,6 @@ class CroppedRender:
         """Render what lies within bounds by a camera that is turned to it.
 
         Args:
-            query: Of the scene graph.
             bounds: Around all that is to be seen.
             pixels: How many would have to be rendered otherwise.
 
@@ -171,7 +170,6 @@ class CroppedRender:
         """Return in which directions a ball is.
 
         Args:
-            query: Of the scene graph.
             frame: Of the ball.
             p_FS: Its middle there [m]. Shape (3,).
             radius: [m].
@@ -191,7 +189,6 @@ class CroppedRender:
         """Render what lies around rays by a camera that is turned to it.
 
         Args:
-            query: Of the scene graph.
             rays: X/Z, Y/Z. Shape (N, 2).
 
         Returns:

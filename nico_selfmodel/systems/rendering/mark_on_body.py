@@ -97,7 +97,6 @@ class MarkOnBody:
         """Let the links of a robot be painted.
 
         Args:
-            built: The robot.
             prefix: What their names begin with.
         """
         source = built.plant.get_source_id()

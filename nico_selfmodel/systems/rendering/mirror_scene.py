@@ -99,7 +99,6 @@ class MirrorScene(LeafSystem):
 
         Args:
             scene_graph: Where they shall stand.
-            plates: The mirrors.
 
         Raises:
             ValueError: If there is none, or two have one name.
@@ -161,8 +160,6 @@ class Glass:
         """Put what is seen of this mirror into what a pinhole camera sees of all else.
 
         Args:
-            query: The scene graph.
-            camera: The camera.
             X_WC: Its pose. Shape (4, 4).
             seen: Its picture, red, green, blue, opacity; changed in place. Shape (h, w, 4).
             depth: Distances of what it sees [m], changed in place. Shape (h, w).
@@ -208,8 +205,6 @@ class Glass:
         """Return what the glass would have to show a camera for a live picture to lie on it.
 
         Args:
-            query: The scene graph.
-            camera: The camera.
             glass: As it has it in view.
             shape: Of the picture of its twin (h, w).
         """
@@ -238,8 +233,6 @@ def show_mirrors(
     """Render what a pinhole camera sees, mirrors included.
 
     Args:
-        query: The scene graph.
-        camera: The camera.
         glasses: The mirrors, in any order: the nearer one hides the other.
         X_WC: Pose of the camera. Shape (4, 4).
 

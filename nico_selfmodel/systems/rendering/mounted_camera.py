@@ -61,7 +61,6 @@ class MountedCamera:
             frame: What it is mounted on.
             supersample: Rendered samples along each side of a pixel.
             renderer: Name of the renderer in the scene graph.
-            glasses: Mirrors.
             sights: What is looked at closely.
             background: Red, green, blue of the renderer where nothing is, of 1.
 
@@ -81,7 +80,6 @@ class MountedCamera:
         """Return the bent picture. BGR, shape (h, w, 3).
 
         Args:
-            query: Of the scene graph.
             looks: What `look` returned of the same scene, for the picture to show it to the bit.
 
         Raises:

@@ -54,7 +54,6 @@ class Outlines:
         """Return what boxes tell of a camera's picture.
 
         Args:
-            query: Of the scene graph.
             X_WC: The camera; z is its optical axis.
             near: What is nearer along it is cut off [m].
             far: And what is farther [m].

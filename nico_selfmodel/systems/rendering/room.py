@@ -19,7 +19,6 @@ def hang_cards(scene_graph: SceneGraph, cards: Sequence[TagCard]) -> None:
 
     Args:
         scene_graph: Where the robot is drawn; its world is the cards' W.
-        cards: Printed cards.
     """
     if not cards:
         return

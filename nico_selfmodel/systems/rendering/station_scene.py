@@ -128,9 +128,7 @@ def print_fiducial(
 
     Args:
         scene_graph: Where the robot is drawn.
-        built: The robot.
         mount: Frame of the fiducial: z points out of the card, y to the picture's top.
-        marker: Id of the marker.
         ball: Frame of the motion tracker's ball, which would hide a part of the fiducial.
         at: Frame where the marker really is, if not at its mount.
     """
@@ -152,7 +150,6 @@ def wrap_tape(scene_graph: SceneGraph, built: ModelInPlant, tip: str) -> None:
 
     Args:
         scene_graph: Where the robot is drawn.
-        built: The robot.
         tip: Frame in the middle of the tape, z along the finger.
     """
     plant = built.plant
@@ -170,7 +167,6 @@ def sights_on(built: ModelInPlant, points: Mapping[str, str]) -> tuple[Sight, ..
     """Return what trackers of a robot's points look at.
 
     Args:
-        built: The robot.
         points: Point -> its frame; those that nothing finds in a picture have no sight.
     """
     plant, found = built.plant, []

@@ -90,7 +90,6 @@ class StereoCameras(Closable, LeafSystem):
             rig: The cameras; each one's `X_WC` is its pose in its frame.
             frames: What the left and the right camera are mounted on.
             quality: Sampling, noise, exposure.
-            seed: Of the noise.
             renderer: Name of the renderer in the scene graph.
             glasses: Mirrors in the scene graph: `MirrorScene.glasses`.
             sights: What somebody looks at who need not see the rest; not with glasses, nor with

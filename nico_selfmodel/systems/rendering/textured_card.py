@@ -23,7 +23,6 @@ def textured_card(
 
     Args:
         name: What the geometry is called; unique on its frame.
-        png: The picture, a PNG file.
         size: Width and height [m].
         X_FC: Pose of the card in the frame that carries it.
         label: Number of the card in label images.

@@ -38,7 +38,6 @@ class SimulatedCameras:
 
         Args:
             p_GQ: Corners of the board [m]. Shape (P, 3).
-            count: How many views.
             session: Of the attitudes and the noise.
 
         Returns:
@@ -97,8 +96,6 @@ def views_of_boards(
     Args:
         rig: The true cameras.
         p_GQ: Corners of the board [m]. Shape (P, 3).
-        count: How many views.
-        rng: Source of attitudes and noise.
         pixel_sigma: Noise of each measured pixel coordinate [px].
 
     Returns:

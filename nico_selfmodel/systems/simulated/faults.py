@@ -31,7 +31,6 @@ class FaultInjector:
         """Let a joint slip against its encoder; its stops are then read elsewhere.
 
         Args:
-            joint: Its name.
             angle: How far, in the joint's own direction [rad].
 
         Raises:
@@ -43,7 +42,6 @@ class FaultInjector:
         """Multiply a gear, about the middle of the joint's range.
 
         Args:
-            joint: Its name.
             factor: New gear over old.
 
         Raises:

@@ -91,7 +91,6 @@ class GroundTruth:
         """Return the truth as a self-model in the left camera's frame.
 
         Args:
-            name: Of the model.
             **about: More fields of `SelfModel`.
         """
         mechanics = self.instance.arm

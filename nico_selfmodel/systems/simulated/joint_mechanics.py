@@ -98,7 +98,6 @@ class JointMechanics:
 
         Args:
             q_dragged: `dragged` there [rad]. Shape (n,).
-            rng: Source of play and wobble.
 
         Returns:
             Joint angles [rad]. Shape (n,).
@@ -138,7 +137,6 @@ def built_servos(
         joints: Names. Length n.
         gear: Gears as designed. Shape (n,).
         imperfections: How far it may be from that.
-        rng: Source of gears and zeros.
     """
     n = len(joints)
     return ServoMap(

@@ -40,7 +40,6 @@ class Mechanics(JointMechanics):
         """Build one instance of an arm.
 
         Args:
-            arm: The arm as described.
             imperfections: How far it may be from that.
             seed: Which one; its stops come from this alone.
             rng: Source of geometry, gears and encoder zeros.
@@ -60,7 +59,6 @@ class Mechanics(JointMechanics):
 
         Args:
             arm: The arm as described, between whose limits they lie.
-            rng: Source of the poses.
         """
         poses = rng.uniform(arm.lower, arm.upper, (50, len(arm.lower)))
         torque = max(float(np.abs(gravity_torques(self.chain, q)).max()) for q in poses)

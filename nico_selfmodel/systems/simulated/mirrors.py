@@ -94,9 +94,7 @@ class SimulatedMirrors:
 
         Args:
             mirror: Name of the mirror; empty for the hand seen directly.
-            count: Number of poses.
             session: Of poses and noise.
-            name: Of the data set.
 
         Returns:
             Encoders and pixels.

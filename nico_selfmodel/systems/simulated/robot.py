@@ -51,7 +51,6 @@ class SimulatedRobot:
         """Take a robot as it was built.
 
         Args:
-            instance: It.
             sensor: What watches its markers; may be replaced later.
             seed: Of what happens by chance: play, wobble, noise, lost markers.
         """
@@ -66,7 +65,6 @@ class SimulatedRobot:
         """Build one that motion capture watches.
 
         Args:
-            arm: The arm as described.
             imperfections: What is wrong with robot and tracker.
             seed: Which one: its geometry, gears and encoder zeros.
             session: Of the random things that happen to it: play, noise, lost markers.
@@ -96,7 +94,6 @@ class SimulatedRobot:
         """Build one that sees its own hand.
 
         Args:
-            arm: The arm as described.
             X_BL: Pose of the left camera in the base as described. Shape (4, 4).
             imperfections: What is wrong with the body; its marker noise and drop-outs do not
                 count here.

@@ -41,7 +41,6 @@ class Sensor(Protocol):
             robot: The robot, and where the sensor stands.
             encoders: Its readings. Shape (n,).
             p_BH: True places of its markers in the arm's base [m]. Shape (m, 3).
-            rng: Source of noise.
         """
         ...
 

@@ -42,7 +42,6 @@ class NicoBehindBus:
         Args:
             station: The robot; nobody else may advance it.
             server: Sends what the station's motion capture measures; closed by who made it.
-            make: Of the motors.
 
         Raises:
             ValueError: If the station's encoders are finer than boards can keep up with, or other

@@ -36,7 +36,6 @@ def room_detectors(room: Sequence[TagCard], rig: StereoRig | None = None) -> Det
     """Return detectors of the corners of both hands' fiducials and of cards in the room.
 
     Args:
-        room: The cards.
         rig: The calibrated cameras, whose lenses are then taken out before points are located.
     """
     return fiducial_detectors(*_in_room(room), rig=rig)
@@ -46,7 +45,6 @@ def room_mirror_detectors(room: Sequence[TagCard], rig: StereoRig | None = None)
     """Return detectors of the same, and of their reflections.
 
     Args:
-        room: The cards.
         rig: As in `room_detectors`.
     """
     return fiducials_in_mirror(*_in_room(room), rig=rig)

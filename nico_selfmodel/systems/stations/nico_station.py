@@ -117,7 +117,6 @@ class NicoStation(Closable, Diagram):
             detectors: Marker -> what finds it in a picture; `fiducial` and `finger_tip` by default,
                 of a whole body the fiducials of both hands and the right finger's tip.
                 Before a mirror, what tells each from its reflection (`reflection_detectors`).
-            quality: Of the pictures.
             mirror: A mirror that can be put somewhere, if any.
             knows: What the body has learned of arm and cameras; before a mirror it tells a patch of
                 colour on the hand from the reflection by where it expects its hand.

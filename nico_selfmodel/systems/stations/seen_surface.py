@@ -75,7 +75,6 @@ class SeenSurface:
         Args:
             links: On which.
             count: How many at most.
-            rng: Source of pixels.
             across: Diameter of what is put there: a disc that lies so flat to a line of sight that
                 it looks narrower than a pixel is not seen [m].
         """

@@ -19,8 +19,6 @@ def _joint_map(
     """Return the template of a system with one number a joint in, and one a joint out.
 
     Args:
-        name: Of the system.
-        ports: In and out.
         mapped: Returns what goes out, of what is known of the joints and what comes in.
         about: What the system is.
     """

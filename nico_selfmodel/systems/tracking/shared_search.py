@@ -51,7 +51,6 @@ def fiducials_in_mirror(
 
     Args:
         centers: As in `fiducial_detectors`.
-        corners: As there.
         family: Their family.
         rig: The calibrated cameras, whose lenses are then taken out before points are located.
 

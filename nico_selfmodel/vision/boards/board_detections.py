@@ -125,7 +125,6 @@ def detect_boards(
 
     Args:
         images: A folder (see `stereo_pairs`), or name, left path and right path of each view.
-        board: What to look for.
         window: Half side of the sub-pixel window [px].
         progress: Told how many images are done.
 
@@ -153,7 +152,6 @@ def detect_boards_of_cameras(
     Args:
         images: Camera -> name of the view and path, as `camera_images` lists them. Photographs of
             different cameras with one name were taken at one time; cameras may miss views.
-        board: What to look for.
         window: Half side of the sub-pixel window [px].
         progress: Told how many images are done.
 

@@ -122,7 +122,6 @@ def find_chessboard(image: NDArray, board: Board, window: int = WINDOW) -> Board
 
     Args:
         image: Grey or BGR, 8 bits. Shape (h, w) or (h, w, 3).
-        board: What to look for.
         window: Half side of the sub-pixel window [px]; smaller than a square in the image.
 
     Returns:

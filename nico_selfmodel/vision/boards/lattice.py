@@ -61,7 +61,6 @@ class Lattice:
 
         Args:
             grid: Corners, nan where not seen [px]. Shape (rows, columns, 2).
-            gray: The image.
         """
         along = np.nanmean(np.diff(grid, axis=1), axis=(0, 1))
         down = np.nanmean(np.diff(grid, axis=0), axis=(0, 1))

@@ -53,7 +53,6 @@ def find_color_blob(
 
     Args:
         image: BGR, 8 bits. Shape (h, w, 3).
-        model: The colour.
         mask: What `color_mask` returned of them, where it is at hand. Shape (h, w).
 
     Returns:
@@ -89,7 +88,6 @@ def color_blobs(image: NDArray, model: ColorModel) -> tuple[ColorBlob, ...]:
 
     Args:
         image: BGR, 8 bits. Shape (h, w, 3).
-        model: The colour.
 
     Raises:
         ValueError: If the image has another shape or type.
@@ -123,7 +121,6 @@ def color_mask(image: NDArray, model: ColorModel) -> NDArray:
 
     Args:
         image: BGR, 8 bits. Shape (h, w, 3).
-        model: The colour.
 
     Returns:
         True where p > 1/2. Shape (h, w).

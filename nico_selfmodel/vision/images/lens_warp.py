@@ -214,7 +214,6 @@ class LensWarp:
         Samples without a ray stay black, and tell a camera nothing of where to turn.
 
         Args:
-            region: It.
             shown: The pixels. Boolean, shape (rows, columns).
 
         Returns:
@@ -241,7 +240,6 @@ class LensWarp:
 
         Args:
             part: All of the region, 8 bits. Shape (h, w, channels).
-            region: Which pixels.
             H: From X/Z, Y/Z, 1 to places from the edge of its first pixel. Shape (3, 3).
 
         Returns:

@@ -37,7 +37,6 @@ class RectifiedPair:
         of both optical axes (Fusiello, Trucco and Verri 2000).
 
         Args:
-            rig: The cameras.
             scale: Pixels of the turned cameras, a pixel of the real ones.
         """
         left, right = rig.cameras

@@ -31,7 +31,6 @@ def behind_lens(image: NDArray, seen: Fiducial, camera: Camera) -> Fiducial | No
     Args:
         image: In which the marker was found; grey or BGR, 8 bits. Shape (h, w) or (h, w, 3).
         seen: The marker as found there.
-        camera: The camera, for its lens.
 
     Returns:
         The marker with corners and centre where the camera shows them [px]; or why not.

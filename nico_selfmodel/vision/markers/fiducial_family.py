@@ -65,7 +65,6 @@ class FiducialFamily:
         """Return a marker's cells, True where white.
 
         Args:
-            marker: Its id.
             border: Width of the black border [cells].
 
         Returns:

@@ -33,7 +33,6 @@ def load_cards(path: str | Path, taken: Iterable[int] = ()) -> tuple[TagCard, ..
     """Read the cards of a room.
 
     Args:
-        path: The file.
         taken: Ids of markers that are elsewhere.
 
     Returns:

@@ -54,7 +54,6 @@ def surprising_places(surprise: Surprise, false_alarms: float = FALSE_ALARM) -> 
     with at most the probability n P(chi^2_3 > T), which is set to `false_alarms`.
 
     Args:
-        surprise: Of a picture.
         false_alarms: Places of a picture of what was expected that may surprise.
 
     Returns:

@@ -129,7 +129,6 @@ def spots_at(surprise: Surprise, u: float, v: float) -> list[Blob]:
     """Return what surprises beyond chance within 6 px of a place.
 
     Args:
-        surprise: Of a picture.
         u: Column of the place [px].
         v: Row of the place [px].
     """
@@ -144,7 +143,6 @@ def nothing_at(surprise: Surprise, u: float, v: float) -> bool:
     """Return whether a place is judged, and nothing within 6 px is even weakly surprising.
 
     Args:
-        surprise: Of a picture.
         u: Column of the place [px].
         v: Row of the place [px].
     """
@@ -155,7 +153,6 @@ def all_judged(surprise: Surprise, u: float, v: float, beside: int = _BESIDE) ->
     """Return whether all places about one are judged.
 
     Args:
-        surprise: Of a picture.
         u: Column of the place [px].
         v: Row of the place [px].
         beside: How far about it [px].

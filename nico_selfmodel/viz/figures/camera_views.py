@@ -72,7 +72,6 @@ def shown_views(
     """Return all views: learned from, outliers, held out, or without a board.
 
     Args:
-        assessment: What was learned.
         document: Content of `result.json`; its `detection` may hold `files`, camera -> view ->
             name, and `not_seen`, name of a file -> what was tried.
         images: Photographs, which may show views in which no board was found.

@@ -81,7 +81,6 @@ def bar_chart(
     Args:
         groups: Labels of the groups, left to right.
         series: Bars, in the order in which they stand in each group.
-        title: What the chart shows.
         ylabel: What the heights are, with their unit.
         xlabel: What the groups are.
         log: Whether the axis is logarithmic; by default where the heights differ much.
@@ -133,7 +132,6 @@ def save_figure(figure: Figure, path: str | Path) -> Path:
     """Write a figure as PNG or SVG, whole or not at all.
 
     Args:
-        figure: The figure.
         path: The file, ending in one of `FORMATS`; its folder must exist.
 
     Returns:

@@ -20,9 +20,7 @@ def photograph_of(
     """Return one photograph, or None where there is none.
 
     Args:
-        photographs: All there are.
         side: Which camera.
-        view: Which view.
         image_size: Width and height that were calibrated [px].
 
     Returns:

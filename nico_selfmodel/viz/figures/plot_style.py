@@ -72,7 +72,6 @@ def image_bytes(figure: Figure, file_format: str) -> bytes:
     """Return a figure as a file.
 
     Args:
-        figure: The figure.
         file_format: `svg` or `png`.
     """
     with style():

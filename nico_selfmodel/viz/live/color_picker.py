@@ -111,7 +111,6 @@ def pick_color(image: NDArray, title: str, radius: float = 3.0) -> ColorModel:
 
     Args:
         image: BGR, 8 bits. Shape (h, w, 3).
-        title: Of the window.
         radius: Of the disk of pixels around each click that counts [px].
 
     Raises:

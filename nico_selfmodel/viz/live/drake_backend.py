@@ -35,7 +35,6 @@ def draw_in_drake(scene: Scene, meshcat: Meshcat | None = None) -> Meshcat:
     """Draw a scene in Drake's Meshcat, in place of the one drawn before.
 
     Args:
-        scene: What to draw.
         meshcat: Where; a new server that only this machine can reach if omitted.
 
     Returns:

@@ -32,7 +32,6 @@ def publish(scene: Scene, url: str = DEFAULT_URL, *, timeout: float = 4.0) -> st
     """Draw a scene on a meshcat server, in place of the one drawn before.
 
     Args:
-        scene: What to draw.
         url: The server's ZMQ address, as it prints it.
         timeout: How long to wait for each answer [s].
 

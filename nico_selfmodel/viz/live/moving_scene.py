@@ -20,7 +20,6 @@ class MovingScene:
         """Draw everything once.
 
         Args:
-            scene: What is drawn.
             recording: Keep every frame of an animation, for `html`.
 
         Raises:

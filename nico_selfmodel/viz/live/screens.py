@@ -61,8 +61,6 @@ class Screen:
         """Return a line of words below the screen.
 
         Args:
-            path: Of the item.
-            text: The words.
             color: Of the letters.
             line: Its number, from 0.
         """
@@ -75,7 +73,6 @@ class Screen:
 
         Args:
             image: Red, green and blue, 8 bits. Shape (h, w, 3).
-            path: Of the item.
         """
         return Picture(
             path=path,

@@ -12,7 +12,6 @@ def surface_gltf(surface: Surface, colors: NDArray) -> str:
     """Return a surface as a glTF file that needs no other.
 
     Args:
-        surface: The surface.
         colors: Red, green and blue of each vertex, as a screen shows them. Shape (v, 3).
     """
     opacity = surface.color[3]

@@ -38,7 +38,6 @@ def arm_report(
     """Return what measured points tell of an arm.
 
     Args:
-        calibration: What was learned.
         document: `estimation.judging.to_json` of it; the numbers shown are these.
         robot: The robot that the arm belongs to, to be drawn in the scene.
 

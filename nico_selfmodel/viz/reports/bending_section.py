@@ -16,7 +16,6 @@ def bending_section(
     """Return the section; nothing where nothing was asked.
 
     Args:
-        bends: What bends.
         at: Where tracked points are.
         document: `estimation.judging.to_json` of it; the numbers shown are these.
     """

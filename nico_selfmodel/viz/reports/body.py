@@ -45,7 +45,6 @@ def body_report(
     """Return what observations of the hand tell of a body.
 
     Args:
-        calibration: What was learned.
         document: `estimation.judging.to_json` of it; the numbers shown are these.
         robot: The robot that the arm belongs to, to be drawn; the model's own if omitted.
 

@@ -32,10 +32,7 @@ def gallery(
     """Return all photographs with their corners.
 
     Args:
-        assessment: What was learned.
-        views: What was seen in them.
         document: Content of `result.json`; its `detection` may say what was tried in vain.
-        images: The photographs.
 
     Returns:
         One row a view; None where there are no photographs.

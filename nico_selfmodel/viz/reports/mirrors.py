@@ -26,7 +26,6 @@ def mirror_report(
     """Return what reflections of the hand tell of mirrors.
 
     Args:
-        calibration: What was learned.
         document: `estimation.judging.to_json` of it; the numbers shown are these.
         pictures: What was seen in the mirrors, if pictures were kept.
         robot: The robot that looked, if it is known.

@@ -171,7 +171,6 @@ def section(title: str, *parts: Any, **more: str) -> Section:
     """Return a section of the parts that there are; None stands for one that there is not.
 
     Args:
-        title: Heading.
         parts: What stands in it.
         more: `message`, `id` and `kind`.
     """

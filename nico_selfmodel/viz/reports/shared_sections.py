@@ -67,7 +67,6 @@ def changes_section(
     """Return errors before and after, and the numbers that changed.
 
     Args:
-        title: Of the section.
         document: Content of `result.json`, with `before`.
         quantities: What is compared, and its unit.
         things: What errors are of, as `poses`.

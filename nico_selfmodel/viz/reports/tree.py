@@ -38,7 +38,6 @@ def tree_report(calibration: TreeCalibration, document: Mapping[str, Any]) -> Re
     """Return what was learned of a body.
 
     Args:
-        calibration: What was learned.
         document: `estimation.judging.to_json` of it; the numbers shown are these.
     """
     scene = tree_scene(calibration.name, calibration.tree, calibration.posed)

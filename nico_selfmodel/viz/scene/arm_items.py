@@ -31,7 +31,6 @@ def arm_items(model: SelfModel, q: NDArray, unit: float) -> list[Item]:
     """Return the arm in a pose.
 
     Args:
-        model: The self-model.
         q: Joint displacements [rad]. Shape (n,).
         unit: Length that sizes are fractions of [m].
 

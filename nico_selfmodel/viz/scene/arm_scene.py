@@ -43,7 +43,6 @@ def calibration_scene(
     camera.
 
     Args:
-        calibration: What was learned.
         robot: The robot that the arm belongs to, to be drawn around it.
 
     Returns:
@@ -129,7 +128,6 @@ def uncertainty_items(calibration: KinematicCalibration, q: NDArray, unit: float
     """Return the ellipsoid of one standard deviation of the predicted hand, larger than it is.
 
     Args:
-        calibration: What was learned.
         q: Pose of the arm [rad]. Shape (n,).
         unit: Length that sizes are fractions of [m].
 

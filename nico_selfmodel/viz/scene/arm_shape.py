@@ -17,7 +17,6 @@ def joint_points(chain: Chain, marker: int = 0) -> NDArray:
     """Return a point on each axis, at the zero configuration.
 
     Args:
-        chain: The arm.
         marker: Index of the tracked point at which the path ends.
 
     Returns:
@@ -40,7 +39,6 @@ def arm_length(chain: Chain, marker: int = 0) -> float:
     to the links, as the thesis counts its 242.482 mm.
 
     Args:
-        chain: The arm.
         marker: Index of the tracked point.
     """
     return float(_lengths(joint_points(chain, marker), chain.p_WH_zero[marker]).sum())

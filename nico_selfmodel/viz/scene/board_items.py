@@ -19,7 +19,6 @@ def board_item(path: str, p_GQ: NDArray, X_WG: NDArray, color: ArrayLike) -> Pic
     """Return a board as a picture with squares between its corners and one more on every side.
 
     Args:
-        path: Of the item.
         p_GQ: Corners on the board [m]. Shape (P, 3).
         X_WG: Pose of the board. Shape (4, 4).
         color: Red, green and blue of its dark squares. Shape (3,).
@@ -44,8 +43,6 @@ def board_name(
     """Return the name of a board over its highest corner, turned towards the first camera.
 
     Args:
-        path: Of the item.
-        name: Of the view.
         p_GQ: Corners on the board [m]. Shape (P, 3).
         X_WG: Pose of the board. Shape (4, 4).
         color: Of the letters.

@@ -34,7 +34,6 @@ def body_scene(calibration: BodyCalibration, robot: "ArmDescription | None" = No
     """Describe a learned body as a scene; z is up, and the left camera stands at its origin.
 
     Args:
-        calibration: What was learned.
         robot: The robot that the arm belongs to, to be drawn around it. It stands as it does;
             without it the left camera looks along x.
 
@@ -106,7 +105,6 @@ def standing(model: SelfModel, X_SW: NDArray) -> SelfModel:
     """Return a body in a scene's frame.
 
     Args:
-        model: Arm and cameras.
         X_SW: Pose of its world in the scene. Shape (4, 4).
     """
     table = replace(model.dh, X_W0=X_SW @ model.dh.X_W0)

@@ -169,7 +169,6 @@ def epipolar_items(
         calibration: What was learned of a pair.
         planes: Where each camera's image is drawn.
         X_WL: Pose of the first camera in the scene. Shape (4, 4).
-        view: Number of the view.
         corner: Number of the corner, seen by both cameras in it.
 
     Returns:

@@ -38,7 +38,6 @@ def camera_scene(
     W stands at the first camera, with x where it looks and z up.
 
     Args:
-        assessment: What was learned.
         images: Photographs: camera -> view -> red, green and blue. Those of one view are shown.
         name: What the cameras are called.
 

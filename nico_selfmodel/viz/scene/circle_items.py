@@ -24,7 +24,6 @@ def circle_items(calibration: KinematicCalibration, unit: float) -> list[Item]:
     Outliers are drawn elsewhere.
 
     Args:
-        calibration: What was learned.
         unit: Length that sizes are fractions of [m].
 
     Returns:

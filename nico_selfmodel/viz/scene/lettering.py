@@ -20,7 +20,6 @@ def label(
     """Return words as an item.
 
     Args:
-        path: Of the item.
         text: One line.
         color: Of the letters.
         height: Of the line [m].

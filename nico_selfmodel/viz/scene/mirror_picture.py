@@ -38,7 +38,6 @@ def recorded_pictures(folder: str | Path, dataset: Dataset) -> dict[str, MirrorP
     """Return a picture of each mirror from a recording that kept its pictures.
 
     Args:
-        folder: Of the data set.
         dataset: It, or a part of it.
 
     Returns:
@@ -68,7 +67,6 @@ def on_glass(path: str, camera: Camera, corners: NDArray, image: NDArray) -> Pic
     """Return the picture that a camera sees on a rectangle of glass.
 
     Args:
-        path: Of the item.
         camera: Who sees it, in the scene.
         corners: Of the glass: bottom left, bottom right, top right, top left, as seen. (4, 3).
         image: What it sees, red, green, blue, 8 bits. Shape (h, w, 3).

@@ -58,7 +58,6 @@ def mirror_scene(
     """Describe learned mirrors as a scene; z is up.
 
     Args:
-        calibration: What was learned.
         pictures: What was seen in the mirrors, if pictures were kept: the glass shows them.
         robot: The robot that looked, if it is known: it is drawn as it stood for the first one.
 

@@ -20,7 +20,6 @@ def point_items(calibration: KinematicCalibration, unit: float) -> list[Item]:
     """Return measured points that lie on no circle, held-out points and outliers.
 
     Args:
-        calibration: What was learned.
         unit: Length that sizes are fractions of [m].
 
     Returns:
@@ -75,7 +74,6 @@ def residual_items(calibration: KinematicCalibration, unit: float) -> list[Item]
     """Return residuals as needles from predicted towards measured, longer than they are.
 
     Args:
-        calibration: What was learned.
         unit: Length that sizes are fractions of [m].
 
     Returns:

@@ -57,7 +57,6 @@ def upright(model: SelfModel, robot: "ArmDescription | None" = None) -> NDArray:
     taken as level.
 
     Args:
-        model: The self-model.
         robot: The robot that the arm belongs to.
 
     Raises:

@@ -102,7 +102,6 @@ def lens_of(views: BoardViews, options: CameraOptions) -> LensChoice:
     """Calibrate the cameras, with the lens that boards tell where `options` leaves it to them.
 
     Args:
-        views: Corners.
         options: What is held and free; a lens other than `AUTO` is taken, and only compared.
 
     Raises:
@@ -151,7 +150,6 @@ def _best_of(
     """Return the lens that boards tell, p1 and p2 free or held as the options say.
 
     Args:
-        views: Corners.
         options: What is held and free.
         near: Cameras of the polynomial to begin with; found anew if omitted.
     """

@@ -64,7 +64,6 @@ def lens_misfits(
     """Test the lens of each camera; of the last few that were tested it is known.
 
     Args:
-        calibration: What was learned.
         aspect: The ratio fy / fx that was held, if one was.
 
     Returns:

@@ -38,7 +38,6 @@ def board_views(
     """Return every view of a board that places it.
 
     Args:
-        observations: What was measured.
         lenses: Intrinsics of the cameras, by name.
     """
     return tuple(_views(observations, lenses))

@@ -28,7 +28,6 @@ def first_poses(tree: BodyTree, observations: TreeObservations) -> NDArray:
 
     Args:
         tree: The body, its cameras and mirrors nearly where they are.
-        observations: What was measured.
 
     Returns:
         Shape (2, P, n, 4, 4).

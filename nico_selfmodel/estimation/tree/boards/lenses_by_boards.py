@@ -33,7 +33,6 @@ def lenses_by_boards(
     seen in a mirror is a board like any other, for a flat board's mirror image is one.
 
     Args:
-        data: The recording.
         known: Intrinsics of other cameras, by name.
 
     Raises:

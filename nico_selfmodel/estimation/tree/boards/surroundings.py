@@ -46,7 +46,6 @@ class Surroundings:
         """Place the cameras that stand in the world, and the mirrors.
 
         Args:
-            observations: What was measured.
             lenses: Intrinsics of the cameras, by name.
 
         Raises:

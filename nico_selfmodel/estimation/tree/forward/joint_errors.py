@@ -33,8 +33,6 @@ def joint_errors(
     """Return how far each sample's joints are expected to be from their readings.
 
     Args:
-        observations: What was measured.
-        whitening: Of the poses.
         r: Residuals at readings that do not err, in their sensors' sigmas. Shape (R,).
         loose: What says nothing in a visit, if any. Boolean, shape (visits, m).
 
@@ -73,8 +71,6 @@ def erring_readings(
     """Return readings, off by the joints' errors: q = reading / gear + e. Shape (P, n).
 
     Args:
-        observations: What was measured.
-        tree: The body.
         errors: By `TreeObservations.noisy_joints` [rad or m]; none if None. Shape (P, m).
     """
     readings = observations.data.si_readings

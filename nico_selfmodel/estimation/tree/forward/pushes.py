@@ -84,7 +84,6 @@ def by_frames(
     Arrays have the components of vectors first and scalars last, (3, joints, N k).
 
     Args:
-        motion: The body.
         bases: `TreeParameters.turn_slopes` and `TreeParameters.frames`.
         push: What turns and shifts in W do.
         signs: Whether each joint moves each row, and which way. Shape (N, n).

@@ -23,7 +23,6 @@ def sight_of(tree: BodyTree, motion: TreeMotion, run: SensorRun) -> Sight:
     """Return what sensors show.
 
     Args:
-        tree: The body.
         motion: It at the samples.
         run: What the sensors measured, N observations.
     """

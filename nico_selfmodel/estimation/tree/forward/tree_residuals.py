@@ -53,8 +53,6 @@ class TreeResiduals:
         """Prepare.
 
         Args:
-            observations: What was measured.
-            parameters: Of the body.
             poses: Where the search for poses that nobody reads begins; by single views if omitted.
                 Shape (P, n, 4, 4).
             joint_errors: How far joints are taken to be from their readings where `linear` is, see
@@ -73,7 +71,6 @@ class TreeResiduals:
         """Return the same of other parameters of nearly the same body.
 
         Args:
-            parameters: Of the body.
             poses: Where the search for poses begins; where this one's does if omitted.
         """
         if poses is None and self.observations.data.free_joints:
@@ -93,7 +90,6 @@ class TreeResiduals:
         """Return poses as controllers read them, and where what moves freely fits best.
 
         Args:
-            tree: The body.
             start: Where the search for the latter begins; by single views if omitted. Shape (P, n,
                 4, 4).
 
@@ -292,7 +288,6 @@ class TreeResiduals:
         """Add what joints' frames, readings and bearings move.
 
         Args:
-            motion: The body.
             slopes: `TreeParameters.turn_slopes`.
             push: What turns and shifts in W do.
             signs: Whether each joint moves each row, and which way. Shape (N, n).

@@ -70,7 +70,6 @@ def camera_among_unknown(
         marker: Which marker each is of. Shape (N,).
         R: Turn of the camera's link in the marker's at each observation. Shape (N, 3, 3).
         p: Its place there [m]. Shape (N, 3).
-        rng: Of the draws.
 
     Returns:
         X_LC, shape (4, 4); None where there are too few pairs of observations, or half of all rays

@@ -37,12 +37,9 @@ def with_others(
     """Return a body with the cameras and markers that it was not found by, one after the other.
 
     Args:
-        data: The recording.
-        tree: The body.
         cameras: What they saw, by name; those that are not placed stand somewhere.
         placed: Cameras that are where they should be.
         located: Markers that are.
-        seed: Of the draws.
 
     Raises:
         DataError: If a camera saw too little of markers that are.
@@ -144,8 +141,6 @@ def before_tracker(data: BodyDataset, tree: BodyTree, rows: SensorRows) -> BodyT
     """Return a body of unknown size in the frame of a tracker that saw other markers of it.
 
     Args:
-        data: The recording.
-        tree: The body.
         rows: What the tracker measured, which stands somewhere.
 
     Raises:
@@ -170,8 +165,6 @@ def with_tracker(data: BodyDataset, tree: BodyTree, rows: SensorRows) -> BodyTre
     """Return a body with one more tracker where it saw markers of it, these placed as well.
 
     Args:
-        data: The recording.
-        tree: The body.
         rows: What the tracker measured, which stands somewhere.
 
     Raises:
@@ -197,8 +190,6 @@ def _beside(
     a rotation afterwards.
 
     Args:
-        data: The recording.
-        tree: The body.
         rows: What was measured, p.
         sized: Whether the body's size is known, s = 1.
 

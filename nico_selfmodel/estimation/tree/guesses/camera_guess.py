@@ -58,7 +58,6 @@ def relative_pose(
         first: Ideal image coordinates in the first camera. Shape (N, 2), N >= 8.
         second: In the second. Shape (N, 2).
         within: Sampson distance within which a pair agrees.
-        rng: Of the draws.
 
     Returns:
         X_AB, shape (4, 4), and boolean, shape (N,).
@@ -207,7 +206,6 @@ def cameras_from_markers(
     Args:
         seen: Rows of each camera, by name.
         lenses: Their intrinsics.
-        seed: Of the draws.
 
     Returns:
         X_WC by camera, shape (4, 4), of those that saw what others saw, and the markers that two of

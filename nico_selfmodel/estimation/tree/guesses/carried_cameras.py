@@ -52,10 +52,7 @@ def body_from_carried_cameras(
     """Return a body whose joints, cameras and markers are where markers of known place ask for.
 
     Args:
-        data: The recording.
         blank: The body with nothing known of its geometry but the places of known markers.
-        observations: What was measured.
-        seed: Of the draws.
 
     Raises:
         DataError: If a camera hardly ever saw six of the known markers, or what moves was seen too
@@ -133,10 +130,8 @@ def placed_by_known(
     """Place a camera at every sample at which it saw enough markers of known place on one link.
 
     Args:
-        data: The recording.
         blank: The body with its lenses and the places of known markers.
         rows: What the camera saw.
-        rng: Of the draws.
         known: Which markers these are, of the room or of a link that takes its part. Shape (m,).
 
     Raises:
@@ -170,10 +165,8 @@ def points_on_known_links(
     """Return three markers of each link with places known on it, in a standing camera's frame.
 
     Args:
-        data: The recording.
         blank: The body with its lenses and the places of known markers.
         rows: What the camera saw.
-        seed: Of the draws.
 
     Raises:
         DataError: If it saw a link with six such markers in fewer than six samples.
@@ -203,7 +196,6 @@ def with_known_links(data: BodyDataset, tree: BodyTree, located: NDArray) -> Bod
     """Return a body with all markers of known places on links, by three of each that are located.
 
     Args:
-        data: The recording.
         tree: A body with these three where they were found.
         located: Which markers they are.
     """
@@ -227,7 +219,6 @@ def pose_before(p: NDArray, rays: NDArray, rng: np.random.Generator) -> tuple[ND
     Args:
         p: Points. Shape (N, 3), N >= 6.
         rays: Unit directions in which the camera sees them. Shape (N, 3).
-        rng: Of the draws.
     """
     flat = board_poses_seen(p, rays) if is_flat(p) else None
     if flat is None:
@@ -257,9 +248,7 @@ def reconstructed_by(
     """Return markers of unknown place that two cameras saw at once which stand still.
 
     Args:
-        data: The recording.
         blank: The body, with its lenses.
-        seen: What the cameras saw.
         places: X_WC by name. Shape (4, 4) each.
     """
     placed = [

@@ -65,12 +65,8 @@ def first_bodies(
     """Yield labelled bodies to start from, the most trusted first.
 
     Args:
-        data: The recording.
         blank: The body with nothing known of its geometry.
-        observations: What was measured.
-        description: The robot as described.
         standing: Poses of cameras that boards told already, in the first one's frame, by name.
-        seed: Of what is drawn.
 
     Raises:
         DataError: If the data cannot tell a first body.
@@ -159,12 +155,10 @@ def _by_cameras(
     """Return a body by points in space, and what else its cameras tell of it.
 
     Args:
-        data: The recording.
         blank: The body with nothing known of its geometry.
         cameras: What standing cameras saw, by name.
         places: Where some of them stand. Shape (4, 4) each.
         points: Markers in space.
-        seed: Of what is drawn.
     """
     tree = body_from_points(data, with_sensors(blank, places), points, seed, sized=False)
     located = np.unique(points.marker)

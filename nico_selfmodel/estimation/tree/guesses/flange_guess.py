@@ -46,10 +46,7 @@ def from_flange(
     """Return a body of one flange whose target a sensor tells in whole poses, or by its corners.
 
     Args:
-        data: The recording.
         blank: The body with nothing known of its geometry but known markers and lenses.
-        observations: What was measured.
-        seed: Of the draws.
 
     Raises:
         DataError: If no sensor tells a target, or poses hardly turn.

@@ -47,10 +47,8 @@ def guessed_lenses(
     """Return pinholes for cameras of which no lens is known, to be learned with all else.
 
     Args:
-        data: The recording.
         known: Intrinsics of other cameras, by name, beside those that it tells.
         description: The robot as described, where it is.
-        seed: Of what is drawn.
 
     Raises:
         DataError: If nothing tells such a lens, or the camera has no image size.

@@ -41,11 +41,9 @@ def before_known_joints(
     """Return a body before cameras that saw unknown markers which known joints carry.
 
     Args:
-        data: The recording.
         tree: A body whose joints are known as far as some markers are located.
         cameras: What standing cameras saw, by name.
         located: These markers.
-        seed: Of the draws.
 
     Returns:
         The body, its other joints too; None where no camera saw enough.
@@ -72,11 +70,9 @@ def with_lost_joints(
     """Return a body with the joints that carry no located marker, as cameras see what they carry.
 
     Args:
-        data: The recording.
         tree: The body, its cameras in place.
         cameras: What standing cameras saw, by name.
         located: Markers that told its joints.
-        seed: Of the draws.
     """
     own = _on_known(tree, located)
     seen = np.unique(np.concatenate([located, *(rows.marker for rows in cameras.values())]))

@@ -56,7 +56,6 @@ def mirrors_in(
     Args:
         data: The recording, with the body's markers in its order.
         tree: The body, nearly as it is.
-        mirrors: Their names.
         seed: Of the pairs that are drawn.
 
     Returns:

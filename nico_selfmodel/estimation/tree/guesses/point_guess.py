@@ -67,10 +67,8 @@ def body_from_points(
     """Return a body whose joints and markers are where the points ask for.
 
     Args:
-        data: The recording.
         tree: The body to fill in: what carries what. Its geometry is not used.
         points: Markers in W.
-        seed: Of the random starts.
         sized: Whether the points are in metres. Else joints that are read in metres tell how large
             the body is, if there are any, sensors and all.
 
@@ -204,8 +202,6 @@ def limb_observations(
     """Return points on one link as the search for the axes of an arm takes them.
 
     Args:
-        data: The recording.
-        tree: What carries what.
         joints: Those that move the points, which turn or shift.
         own: Markers of the link.
         local: Their points, in the frame that carries the first of the joints.

@@ -76,11 +76,9 @@ def searched_start(
     """Try first bodies until two agree, on some of the samples where there are many.
 
     Args:
-        data: The recording.
         blank: The body with nothing known of its geometry.
         description: The robot as described, where it is.
         wishes: What the user holds, frees or knows.
-        seed: Of what is drawn.
         guessed: Cameras whose lenses are hardly known.
         most: First bodies that are tried at most.
 

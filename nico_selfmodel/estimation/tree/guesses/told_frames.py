@@ -30,7 +30,6 @@ def told_on_links(
 
     Args:
         data: The recording, with markers of known place.
-        tree: What carries what.
         known: Values that the user tells, by name.
     """
     told = dict(known)
@@ -46,7 +45,6 @@ def exchanged_parts(tree: BodyTree, told: Mapping[str, float]) -> frozenset[str]
     """Return what is estimated of joint frames in the stead of what is told on their links.
 
     Args:
-        tree: The body.
         told: Values of parts of markers and sensors, by name.
     """
     return frozenset(name for _, names, _ in _by_link(tree, told) for name in names)

@@ -100,7 +100,6 @@ class Touches:
         """Return what makes a placed body as large as distances say that only touches tell.
 
         Args:
-            tree: The body.
             told: Values of parameters that the user knows, by name.
 
         Returns:

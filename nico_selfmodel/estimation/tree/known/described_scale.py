@@ -55,9 +55,7 @@ class DescribedScale:
         """Ask for it; None where something else tells lengths, or much the description's sigma.
 
         Args:
-            problem: What was solved.
             solution: Where it ended.
-            setup: What was free.
             known: The covariance of that.
         """
         if setup.scale_from != DESCRIBED or not setup.alike:

@@ -46,8 +46,6 @@ def drifts_of(tree: BodyTree, seen: TreeObservations, learned: Collection[str] =
     W's z points up where the body does not know what bends.
 
     Args:
-        tree: The body.
-        seen: What was seen of it.
         learned: Parameters that are learned anew, zeros among them.
     """
     read = {i for i, _ in seen.noisy_joints}

@@ -61,8 +61,6 @@ def calibrate_body_mirrors(
     body's training, where it tells.
 
     Args:
-        data: The recording.
-        model: The body.
         test: Held-out data, for judging only.
         name: Of the body with its mirrors; its own if omitted.
 

@@ -80,12 +80,10 @@ def place_mirrors(
     """Place mirrors of a recording about a body that is nearly known, everything else held.
 
     Args:
-        seen: All that was seen.
         parameters: Of the body, its mirrors anywhere.
         values: Of its parameters. Shape (P,).
         free: Names of what is estimated.
         fixed: Values at which the user holds some.
-        mirrors: Which.
 
     Returns:
         Parameters whose mirrors' tilts are told from where they are, and the values.

@@ -34,7 +34,6 @@ def late_sensors(
     """Find sensors that lag behind the readings or lead them, and encoders that do.
 
     Args:
-        problem: What was solved.
         solution: Where it ended.
         besides: Samples of the same recording that were held out, which tell how joints moved
             between the others.

@@ -52,7 +52,6 @@ def moved_meanwhile(problem: TreeProblem, solution: TreeSolution) -> Change | No
     """Find what changed in the middle of a recording.
 
     Args:
-        problem: What was solved.
         solution: Where it ended.
 
     Returns:

@@ -35,8 +35,6 @@ def bounds_of(axes: Axes, renderer: RendererBase, *, for_layout: bool = False) -
     Labels of its axes are fixed beside where the panel is now.
 
     Args:
-        axes: The panel.
-        renderer: What measures text.
         for_layout: Leave out lengths of labels and titles, which no more room would mend.
     """
     if axes.name != "rectilinear" or not axes.axison:
@@ -70,7 +68,6 @@ def _beside(
         axis: That of `PlainAxes`.
         across: 0 for x, 1 for y.
         inner: The panel without them.
-        renderer: What measures text.
         for_layout: Leave out the length of the label.
     """
     low = axis.get_label_position() in ("bottom", "left")

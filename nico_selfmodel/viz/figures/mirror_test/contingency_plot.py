@@ -22,7 +22,6 @@ def contingency_plot(
         own: The encounter that is oneself.
         period: Time between two pictures [s].
         threshold: Log odds at which the test stops, on both sides.
-        title: What the figure shows.
 
     Returns:
         One panel an encounter, on common axes.

@@ -31,7 +31,6 @@ def surprise_plot(
         looks: Camera -> what it saw and what it expected, BGR of shape (h, w, 3), and z^2, nan
             where nothing was judged, shape (h, w).
         places: Camera -> surprising places (u, v) [px].
-        title: What the figure shows.
 
     Returns:
         For each camera: seen, expected where it was judged, surprise; all cut to what was judged.

@@ -36,7 +36,6 @@ def robot_items(arm: "ArmDescription", model: SelfModel, q: NDArray) -> list[Ite
 
     Args:
         arm: The robot and its learned chain.
-        model: The self-model.
         q: Joint displacements [rad]. Shape (n,).
 
     Returns:

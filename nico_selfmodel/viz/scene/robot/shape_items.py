@@ -19,7 +19,6 @@ def with_shape(scene: Scene, shape: BodyShape, X_SW: NDArray) -> Scene:
 
     Args:
         scene: Of an arm or body, with or without its robot around it.
-        shape: The learned shape.
         X_SW: Pose of the self-model's world in the scene. Shape (4, 4).
     """
     described = {f"robot/{name}" for name in path_names(shape.links)}
@@ -35,7 +34,6 @@ def shape_items(shape: BodyShape, X_SW: NDArray) -> list[Item]:
     """Return learned surfaces where they stood when they were seen.
 
     Args:
-        shape: The learned shape.
         X_SW: Pose of the self-model's world in the scene. Shape (4, 4).
 
     Returns:
