@@ -259,7 +259,7 @@ def test_steps_are_recorded_and_tell_how_a_joint_follows_its_commands(
 ):
     out, learned = tmp_path / "steps", tmp_path / "learned"
     made = servo(
-        *("steps", "--joint", "elbow", "--count", 5, "--largest-deg", 20, "--rest-s", 0.25),
+        *("steps", "elbow", "--steps", 5, "--largest-deg", 20, "--rest-s", 0.25),
         *("--out", out, "--trust-zero", "--yes"),
     )
     assert made.returncode == 0, made.stderr
@@ -280,9 +280,9 @@ def test_steps_are_recorded_and_tell_how_a_joint_follows_its_commands(
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (("--joint", "knee"), ("'knee'", "elbow, wrist")),
+        (("knee",), ("'knee'", "elbow, wrist")),
         (("--speed-deg-s", 500), ("--speed-deg-s", "at most 60")),
-        (("--count", 2), ("--count", "4")),
+        (("--steps", 2), ("--steps", "4")),
     ],
 )
 def test_steps_that_cannot_be_are_explained_and_nothing_moves(

@@ -17,10 +17,8 @@ def steps(
     port: options.Port,
     config: options.Config,
     out: options.Out,
-    joint: Annotated[
-        list[str] | None, typer.Option("--joint", help="A joint to move; else all, in turn.")
-    ] = None,
-    count: Annotated[int, typer.Option("--count", min=4, help="Steps of each joint.")] = 16,
+    joints: Annotated[list[str] | None, typer.Argument(help="Which; all if omitted.")] = None,
+    count: Annotated[int, typer.Option("--steps", min=4, help="Steps of each joint.")] = 16,
     largest: Annotated[
         float, typer.Option("--largest-deg", min=0.1, help="Largest step [deg].")
     ] = 20.0,
@@ -33,7 +31,10 @@ def steps(
     yes: options.Yes = False,
     force: options.Force = False,
 ) -> None:
-    """Move joints by steps, and record commands and readings for `calibrate servos`."""
+    """Record steps of joints for `calibrate servos`.
+
+    One joint after another goes back and forth about where it stands; Ctrl-C stops it.
+    """
     from nico_selfmodel.cli.inputs import name_after
     from nico_selfmodel.dataset.motion.motion_folder import save_motion
     from nico_selfmodel.files.whole import refuse_existing
@@ -42,10 +43,10 @@ def steps(
     refuse_existing(out, force=force, inputs=[config])
     name = name_after(out)
     with opened(port, config, trust_zero=trust_zero) as arm:
-        for one in joint or ():
+        for one in joints or ():
             refuse_unknown("joint", one, arm.joints)
         arm.connect()
-        chosen = tuple(joint or arm.joints)
+        chosen = tuple(joints or arm.joints)
         arm.check_zero(chosen)
         rate = speed_of(speed, min(float(limit) for limit in arm.limits.speeds))
         plan = _plan(arm, chosen, math.radians(largest), count, seed)

@@ -80,8 +80,6 @@ class Errors:
     """In space [m]. Shape (N,)."""
     pixels: NDArray | None = None
     """In the images [px]. Shape (M,)."""
-    angles: NDArray | None = None
-    """Of joints [rad]. Shape (K,)."""
     n: int | None = None
     """How many observations; the distances' number if omitted."""
     poses: int | None = None
@@ -94,6 +92,8 @@ class Errors:
     """What `compared` is of, where units do not say it: only the same is compared."""
     relative_to: float | None = None
     """What `compared` is in units of, [m or px]: it is relative; None where it is in `unit`."""
+    angles: NDArray | None = None
+    """Of joints [rad]. Shape (K,)."""
 
     @property
     def compared_size(self) -> float:
