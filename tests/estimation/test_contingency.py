@@ -136,7 +136,7 @@ def test_a_hundred_encounters_of_a_kind_are_all_told_in_time(kind, verdicts, wit
 @pytest.mark.parametrize("late", [2, 6, 8])
 def test_a_pause_of_ones_own_says_nothing_against_who_repeats_ones_motion(late):
     rates = np.array([[0.003, 0.5, 0.33], [0.27, 0.75, 0.6], [0.96, 0.98, 0.996]])
-    response = MotionResponse(PERIOD, 0, rates, 0.00125, 0.147, 0.837)
+    response = MotionResponse(PERIOD, 0, rates, 0.00125, 0.5, 0.147, 0.837)
     m = np.array([STILL] * 46 + [MUCH] * 3 + [STILL] * 3 + [MUCH] * 5 + [STILL] * 9)
     image = np.concatenate([np.zeros(1 + late, dtype=bool), m[: len(m) - 1 - late] == MUCH])
     image[47] = True  # a false alarm, as oneself starts
@@ -149,7 +149,7 @@ def test_a_pause_of_ones_own_says_nothing_against_who_repeats_ones_motion(late):
 
 def test_who_starts_and_stops_as_oneself_does_by_chance_is_not_taken_for_oneself():
     rates = np.array([[0.004, 0.5, 0.734], [0.083, 0.75, 0.375], [0.3, 0.976, 0.997]])
-    response = MotionResponse(PERIOD, 0, rates, 0.00125, 0.183, 0.846)
+    response = MotionResponse(PERIOD, 0, rates, 0.00125, 0.5, 0.183, 0.846)
     # Another simulated robot, as it came.
     m = "2222200000000000000002222222222222222222222222222212222222022000222222222222100000022222"
     y = "1100000000000000000000000011111111111111111110000000000000000000000111111111100000011111"

@@ -51,7 +51,7 @@ from nico_selfmodel.vision.surprise.surprise import Expectation, Surprise
 from ..slow_rest import slow_rest
 
 RATES = [[0.01, 0.3, 0.5], [0.3, 0.5, 0.5], [0.5, 0.5, 0.99]]
-RESPONSE = MotionResponse(0.05, 1, np.array(RATES), 0.01, 0.1, 0.8)
+RESPONSE = MotionResponse(0.05, 1, np.array(RATES), 0.01, 0.5, 0.1, 0.8)
 
 
 def said(verdict, seconds=1.0):
