@@ -1,5 +1,7 @@
 """Self told from others by the timing of motion alone, on motion that is drawn, not rendered."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -156,6 +158,23 @@ def test_who_starts_and_stops_as_oneself_does_by_chance_is_not_taken_for_oneself
     told = tell_contingency([int(one) for one in m], [one == "1" for one in y], response)
     assert told.verdict == CANNOT_TELL
     assert 7.0 < told.log_odds.max() < np.log(ODDS)
+
+
+def test_an_own_arm_that_shows_where_it_is_not_expected_is_nobody():
+    rates = np.array([[0.003, 0.5, 0.279], [0.325, 0.5, 0.833], [0.964, 0.977, 0.995]])
+    # A simulated robot, as it came: its arm shows for half a second in cells beyond its own. As ten
+    # pictures that do not know of each other these were told as somebody.
+    m = "222122222222222210000022100000221000222220022222222222222212"
+    m += "210002212200000000000000000021021000000002210222221022002222"
+    y = "000000000000000000000000000000000000000000000000000001100000"
+    y += "000000000000000000000000000001000000000000110001111101000010"
+    moved, image = [int(one) for one in m], [one == "1" for one in y]
+    apart = MotionResponse(PERIOD, 1, rates, 0.009, 0.009, 0.149, 0.786)
+    odds = tell_contingency(moved, image, apart).log_odds
+    assert odds[-1] > -4.0
+    told = tell_contingency(moved, image, replace(apart, lingers=0.3))
+    assert told.verdict == NOBODY
+    assert told.settled
 
 
 def test_who_is_hidden_a_quarter_of_the_time_is_not_taken_for_another():
