@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from nico_selfmodel.dataset.folder import load_dataset, save_dataset
     from nico_selfmodel.dataset.importers.csv_importer import import_csv
     from nico_selfmodel.dataset.joint_info import JointInfo
+    from nico_selfmodel.dataset.motion.motion_folder import load_motion
     from nico_selfmodel.estimation.arm.evaluation import evaluate
     from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
     from nico_selfmodel.estimation.body.body import calibrate_body
@@ -24,11 +25,13 @@ if TYPE_CHECKING:
     from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
     from nico_selfmodel.estimation.monitoring.health import check_health
     from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, rezero
+    from nico_selfmodel.estimation.response.servo_calibration import calibrate_servos
     from nico_selfmodel.estimation.tree.body_prediction import predict_body
     from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
     from nico_selfmodel.estimation.tree.tree_result import body_model
     from nico_selfmodel.model.cameras.mirror import Mirror
     from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
+    from nico_selfmodel.model.response.servo_response import load_responses
     from nico_selfmodel.model.self_model import SelfModel
     from nico_selfmodel.model.self_model_file import load_model, save_model
     from nico_selfmodel.model.shape.shape_folder import load_shape
@@ -60,6 +63,7 @@ __all__ = [
     "calibrate_cameras",
     "calibrate_kinematics",
     "calibrate_mirrors",
+    "calibrate_servos",
     "calibrate_tool",
     "calibrate_tree",
     "check_health",
@@ -71,6 +75,8 @@ __all__ = [
     "load_body_dataset",
     "load_dataset",
     "load_model",
+    "load_motion",
+    "load_responses",
     "load_shape",
     "look_at",
     "predict_body",
@@ -91,6 +97,7 @@ __getattr__, __dir__ = lazy_names(
         "dataset.folder": ("load_dataset", "save_dataset"),
         "dataset.importers.csv_importer": ("import_csv",),
         "dataset.joint_info": ("JointInfo",),
+        "dataset.motion.motion_folder": ("load_motion",),
         "estimation.arm.evaluation": ("evaluate",),
         "estimation.arm.kinematics": ("calibrate_kinematics",),
         "estimation.body.body": ("calibrate_body",),
@@ -100,11 +107,13 @@ __getattr__, __dir__ = lazy_names(
         "estimation.mirrors.mirror": ("calibrate_mirrors",),
         "estimation.monitoring.health": ("check_health",),
         "estimation.monitoring.tool": ("calibrate_tool", "rezero"),
+        "estimation.response.servo_calibration": ("calibrate_servos",),
         "estimation.tree.body_prediction": ("predict_body",),
         "estimation.tree.tree_calibration": ("calibrate_tree",),
         "estimation.tree.tree_result": ("body_model",),
         "model.cameras.mirror": ("Mirror",),
         "model.cameras.mirror_rig": ("MirrorRig",),
+        "model.response.servo_response": ("load_responses",),
         "model.self_model": ("SelfModel",),
         "model.self_model_file": ("load_model", "save_model"),
         "model.shape.shape_folder": ("load_shape",),

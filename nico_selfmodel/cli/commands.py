@@ -77,11 +77,12 @@ def _calibrate() -> Commands:
         hand_eye,
         kinematics,
         mirror,
+        servos,
         stereo,
         tool,
     )
 
-    return _called(kinematics, cameras, stereo, camera, body, hand_eye, tool, mirror)
+    return _called(kinematics, cameras, stereo, camera, body, hand_eye, tool, mirror, servos)
 
 
 def _experiment() -> Commands:
@@ -105,9 +106,9 @@ def _markers() -> Commands:
 
 
 def _servo() -> Commands:
-    from nico_selfmodel.cli.servo import home, move, scan, serve, simulate, status, stop
+    from nico_selfmodel.cli.servo import home, move, scan, serve, simulate, status, steps, stop
 
-    return _called(scan, status, move, home, stop, serve, simulate)
+    return _called(scan, status, move, steps, home, stop, serve, simulate)
 
 
 def _hand() -> Commands:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from nico_selfmodel.dataset.body.body_dataset import BodyDataset
     from nico_selfmodel.dataset.dataset import Dataset
+    from nico_selfmodel.dataset.motion.motion_recording import MotionRecording
     from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
     from nico_selfmodel.model.cameras.stereo_rig import StereoRig
     from nico_selfmodel.model.self_model import SelfModel
@@ -28,6 +29,7 @@ class _Recording(Protocol):
 
 
 _RecordingT = TypeVar("_RecordingT", bound=_Recording)
+_DataT = TypeVar("_DataT")
 
 
 def name_after(path: Path) -> str:
@@ -91,19 +93,49 @@ def _train_and_test(
     load: Callable[[Path], _RecordingT],
     hash_of: Callable[[_RecordingT], str],
 ) -> tuple[_RecordingT, _RecordingT | None]:
-    if held_out.test is not None and held_out.test_fraction is not None:
-        raise ValueError("give --test or --test-fraction, not both")
+    _refuse_two_ways(held_out)
     train = load(dataset)
     if held_out.test_fraction is not None:
         return train.split(held_out.test_fraction, held_out.seed)
+    return train, _test_beside(train, held_out, load, hash_of)
+
+
+def steps_and_test(
+    dataset: Path, held_out: HeldOut
+) -> "tuple[MotionRecording, MotionRecording | None]":
+    """Load a recording of steps, and what is held out beside it; shares are held out by step.
+
+    Raises:
+        ValueError: If two ways of holding out are named, or the training data as test data.
+        DataError: If a recording is not valid.
+    """
+    from nico_selfmodel.dataset.motion.motion_folder import load_motion
+
+    _refuse_two_ways(held_out)
+    train = load_motion(dataset)
+    return train, _test_beside(train, held_out, load_motion, lambda found: found.content_hash)
+
+
+def _refuse_two_ways(held_out: HeldOut) -> None:
+    if held_out.test is not None and held_out.test_fraction is not None:
+        raise ValueError("give --test or --test-fraction, not both")
+
+
+def _test_beside(
+    train: _DataT,
+    held_out: HeldOut,
+    load: Callable[[Path], _DataT],
+    hash_of: Callable[[_DataT], str],
+) -> _DataT | None:
+    """Load what `--test` names, if it does; refuse the training data."""
     if held_out.test is None:
-        return train, None
+        return None
     test = load(held_out.test)
     if hash_of(test) == hash_of(train):
         raise ValueError(
             f"--test {held_out.test} holds the training data: nothing would be held out"
         )
-    return train, test
+    return test
 
 
 def refuse_untested(bounds: Bounds, held_out: HeldOutShare) -> None:

@@ -36,7 +36,7 @@ _PARTS = (
 )
 
 Block = Mapping[str, Any] | None
-"""Error statistics as `result.json` has them: `n`, `position_mm` and/or `pixels`; None for none."""
+"""Errors as in `result.json`: `n`, `position_mm`, `pixels`, `angle_deg`; None for none."""
 
 
 class Talk(IntEnum):
@@ -174,7 +174,7 @@ def errors(title: str, parts: Sequence[tuple[str, Block]]) -> None:
     table(f"{title}: error of the prediction", ("", "n", *_STATISTICS), rows)
 
 
-_QUANTITIES = (("position_mm", "mm"), ("pixels", "px"))
+_QUANTITIES = (("position_mm", "mm"), ("pixels", "px"), ("angle_deg", "deg"))
 
 
 def _statistics(block: Mapping[str, Any], key: str) -> list[str]:
@@ -232,7 +232,8 @@ def folder(made: Path) -> None:
     reports = [str(path) for path in (made / "report.html", *made.glob("*/report.html"))
                if path.exists()]  # fmt: skip
     if reports:
-        line(f"look     open {' and '.join(reports)}, or: nico-selfmodel view {made}")
+        seen = f", or: nico-selfmodel view {made}" if (made / "scene.json").exists() else ""
+        line(f"look     open {' and '.join(reports)}{seen}")
 
 
 def result(

@@ -15,6 +15,7 @@ from nico_selfmodel.progress import Progress, telling_nobody
 if TYPE_CHECKING:
     from nico_selfmodel.estimation.judging import Calibration
     from nico_selfmodel.estimation.results.verdict import Verdict
+    from nico_selfmodel.model.response.servo_response import ServoResponses
     from nico_selfmodel.model.self_model import SelfModel
     from nico_selfmodel.model.tree.body_model import BodyModel
     from nico_selfmodel.viz.reports.page import Report
@@ -44,7 +45,7 @@ def stamped(document: Mapping[str, Any], command: str | None = None) -> dict[str
 
 def judge_and_write(
     found: "Calibration",
-    model: "SelfModel | BodyModel",
+    model: "SelfModel | BodyModel | ServoResponses",
     draw: "Callable[[dict[str, Any]], Report]",
     output: Output,
     progress: Progress = telling_nobody,
@@ -90,7 +91,7 @@ def judge_and_write(
 
 
 def write_with_report(
-    out: Path, model: "SelfModel | BodyModel", report: "Report", **beside: Any
+    out: Path, model: "SelfModel | BodyModel | ServoResponses", report: "Report", **beside: Any
 ) -> None:
     """Write a result folder with its report and scene, or nothing.
 

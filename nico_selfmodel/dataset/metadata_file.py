@@ -49,7 +49,7 @@ def read_metadata(path: Path) -> dict[str, Any]:
         raise DataError(f"{path}: 'cameras' must be a mapping, got {shown(cameras)}")
     return {
         "name": text_value(content, "name", str(path)),
-        "joints": _read_joint_list(content, str(path)),
+        "joints": read_joint_list(content, str(path)),
         "point_sigma_m": number_value(content, "point_sigma_m", str(path)),
         "pixel_sigma_px": number_value(content, "pixel_sigma_px", str(path)),
         "image_size": _image_size(content, path),
@@ -59,7 +59,7 @@ def read_metadata(path: Path) -> dict[str, Any]:
     }
 
 
-def _read_joint_list(content: dict[str, Any], where: str) -> tuple[JointInfo, ...]:
+def read_joint_list(content: dict[str, Any], where: str) -> tuple[JointInfo, ...]:
     """Read the `joints` of a YAML mapping, from the base to the hand.
 
     Raises:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration
     from nico_selfmodel.estimation.monitoring.body_relearning import BodyUpdate
     from nico_selfmodel.estimation.monitoring.tool import Rezeroing, ToolCalibration
+    from nico_selfmodel.estimation.response.servo_calibration import ServoCalibration
     from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 
     Calibration = (
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
         | Rezeroing
         | TreeCalibration
         | BodyUpdate
+        | ServoCalibration
         | CalibrationResult
     )
     """Whatever was learned, or its result."""
@@ -35,7 +37,7 @@ def result_of(calibration: "Calibration") -> CalibrationResult:
     Who learned an arm does not wait for the modules of all else that could have been learned.
 
     Args:
-        calibration: What was learned: an arm, cameras, a body, mirrors, a tool, new zeros.
+        calibration: What was learned: an arm, cameras, a body, mirrors, a tool, new zeros, servos.
 
     Raises:
         TypeError: If it is none of these.
@@ -62,6 +64,8 @@ def result_of(calibration: "Calibration") -> CalibrationResult:
             from nico_selfmodel.estimation.monitoring.body_update_result import (
                 body_update_result as result,
             )
+        case "ServoCalibration":
+            from nico_selfmodel.estimation.response.servo_result import servo_result as result
         case other:
             raise TypeError(f"a {other} is no calibration, nor a result of one")
     return result(found)

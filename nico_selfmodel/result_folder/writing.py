@@ -17,6 +17,7 @@ from nico_selfmodel.result_folder.description import kept_description
 if TYPE_CHECKING:
     # What only other bodies than arms have is not loaded for arms.
     from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+    from nico_selfmodel.model.response.servo_response import ServoResponses
     from nico_selfmodel.model.shape.link_shape import BodyShape
     from nico_selfmodel.model.tree.body_model import BodyModel
     from nico_selfmodel.plant import ArmDescription
@@ -26,7 +27,7 @@ _LONGEST_NAME = 200  # of a robot in that of a file [bytes]
 
 def write_result(
     folder: str | Path,
-    model: "SelfModel | BodyModel",
+    model: "SelfModel | BodyModel | ServoResponses",
     document: Mapping[str, Any],
     texts: Mapping[str, str] | None = None,
     recordings: "Mapping[str, Dataset | BodyDataset] | None" = None,
@@ -35,13 +36,15 @@ def write_result(
     shape: "BodyShape | None" = None,
     force: bool = False,
 ) -> Path:
-    """Write `self_model.yaml` or `body.yaml`, `result.json` and further files, or nothing.
+    """Write the model in its file, `result.json` and further files, or nothing.
 
     An arm's URDF goes with it. The robot's own description comes along, and is found by its place
     in the folder: a folder that is renamed, copied or sent away is whole.
 
     Args:
         folder: The folder to make.
+        model: The self-model (`self_model.yaml`, `body.yaml`) or how servos respond
+            (`servo_response.yaml`).
         document: Content of `result.json`.
         texts: Further files, such as a report or a scene: name -> content.
         recordings: Data sets to keep beside the result, in `recordings/<name>`.
@@ -62,9 +65,7 @@ def write_result(
         if isinstance(model, SelfModel):
             contents |= _save_with_robot(model, inside, robot)
         else:
-            from nico_selfmodel.model.tree.body_model import BODY_FILE, save_body
-
-            save_body(model, inside / BODY_FILE)
+            _save_other(model, inside)
         if shape is not None:
             from nico_selfmodel.model.shape.shape_folder import FOLDER, save_shape
 
@@ -75,6 +76,22 @@ def write_result(
             (inside / "recordings").mkdir(exist_ok=True)
             _save_recording(dataset, inside / "recordings" / name)
     return folder
+
+
+def _save_other(model: "BodyModel | ServoResponses", folder: Path) -> None:
+    """Write what is no self-model of an arm and cameras."""
+    from nico_selfmodel.model.response.servo_response import (
+        RESPONSE_FILE,
+        ServoResponses,
+        save_responses,
+    )
+
+    if isinstance(model, ServoResponses):
+        save_responses(model, folder / RESPONSE_FILE)
+        return
+    from nico_selfmodel.model.tree.body_model import BODY_FILE, save_body
+
+    save_body(model, folder / BODY_FILE)
 
 
 def _save_recording(dataset: "Dataset | BodyDataset", folder: Path) -> None:

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from nico_selfmodel.systems.tracking.gaze_controller import GazeController
     from nico_selfmodel.systems.tracking.hand_tracker import HandTracker
     from nico_selfmodel.systems.tracking.reflection_detectors import default_mirror_detectors
+    from nico_selfmodel.systems.tracking.responding_servos import RespondingServos
     from nico_selfmodel.systems.tracking.self_model_monitor import SelfModelMonitor
     from nico_selfmodel.systems.tracking.self_model_predictor import SelfModelPredictor
     from nico_selfmodel.systems.tracking.servo_maps import (
@@ -66,6 +67,7 @@ __all__ = [
     "NicoBehindBus",
     "NicoHardwareStation",
     "NicoStation",
+    "RespondingServos",
     "SelfModelMonitor",
     "SelfModelPredictor",
     "ServoDriver",
@@ -117,6 +119,7 @@ __getattr__, __dir__ = lazy_names(
         "tracking.gaze_controller": ("GazeController",),
         "tracking.hand_tracker": ("HandTracker",),
         "tracking.reflection_detectors": ("default_mirror_detectors",),
+        "tracking.responding_servos": ("RespondingServos",),
         "tracking.self_model_monitor": ("SelfModelMonitor",),
         "tracking.self_model_predictor": ("SelfModelPredictor",),
         "tracking.servo_maps": (

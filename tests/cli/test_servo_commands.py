@@ -252,3 +252,53 @@ def test_the_hand_opens_and_closes(command):
             assert_one_clear_line(asked, wrong[0].strip("-").split("-")[0])
             assert asked.stdout == ""
     assert_one_clear_line(command("hand", "open", "--port", "/dev/null", "--yes"), "/dev/null")
+
+
+def test_steps_are_recorded_and_tell_how_a_joint_follows_its_commands(
+    servo, command, bus, tmp_path
+):
+    out, learned = tmp_path / "steps", tmp_path / "learned"
+    made = servo(
+        *("steps", "elbow", "--steps", 5, "--largest-deg", 20, "--rest-s", 0.25),
+        *("--out", out, "--trust-zero", "--yes"),
+    )
+    assert made.returncode == 0, made.stderr
+    assert f"nico-selfmodel calibrate servos {out}" in made.stdout
+    assert bus.shafts() == [pytest.approx(0, abs=1), 0]
+    done = command("calibrate", "servos", out, "--out", learned)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "NOT_EVALUATED" in done.stdout
+    assert "nico-selfmodel view" not in done.stdout
+    document = json.loads((learned / "result.json").read_text())
+    speed = document["parameters"]["elbow.speed"]
+    assert speed["value"] == pytest.approx(math.radians(60), rel=0.05)
+    assert set(document["responses"]) == {"elbow"}
+    names = {path.name for path in learned.iterdir()}
+    assert names == {"servo_response.yaml", "result.json", "report.html", "residuals.csv"}
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("knee",), ("'knee'", "elbow, wrist")),
+        (("--speed-deg-s", 500), ("--speed-deg-s", "at most 60")),
+        (("--steps", 2), ("--steps", "4")),
+    ],
+)
+def test_steps_that_cannot_be_are_explained_and_nothing_moves(
+    servo, bus, tmp_path, words, expected
+):
+    out = tmp_path / "steps"
+    done = servo("steps", "--out", out, "--trust-zero", "--yes", *words)
+    assert_one_clear_line(done, *expected)
+    assert bus.shafts() == [0, 0]
+    assert not out.exists()
+    asked = servo("steps", "--out", out, "--trust-zero", stdin="n\n")
+    assert asked.returncode == 130
+    assert not any(module.amplifier for module in bus.modules)
+
+
+def test_a_recording_of_something_else_tells_no_response(command, recorded, tmp_path):
+    done = command("calibrate", "servos", recorded[0], "--out", tmp_path / "out")
+    assert_one_clear_line(done, "motion.csv", "servo steps")
+    assert not (tmp_path / "out").exists()

@@ -1,5 +1,7 @@
 """Self told from others by the timing of motion alone, on motion that is drawn, not rendered."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -136,7 +138,7 @@ def test_a_hundred_encounters_of_a_kind_are_all_told_in_time(kind, verdicts, wit
 @pytest.mark.parametrize("late", [2, 6, 8])
 def test_a_pause_of_ones_own_says_nothing_against_who_repeats_ones_motion(late):
     rates = np.array([[0.003, 0.5, 0.33], [0.27, 0.75, 0.6], [0.96, 0.98, 0.996]])
-    response = MotionResponse(PERIOD, 0, rates, 0.00125, 0.147, 0.837)
+    response = MotionResponse(PERIOD, 0, rates, 0.00125, 0.5, 0.147, 0.837)
     m = np.array([STILL] * 46 + [MUCH] * 3 + [STILL] * 3 + [MUCH] * 5 + [STILL] * 9)
     image = np.concatenate([np.zeros(1 + late, dtype=bool), m[: len(m) - 1 - late] == MUCH])
     image[47] = True  # a false alarm, as oneself starts
@@ -149,13 +151,30 @@ def test_a_pause_of_ones_own_says_nothing_against_who_repeats_ones_motion(late):
 
 def test_who_starts_and_stops_as_oneself_does_by_chance_is_not_taken_for_oneself():
     rates = np.array([[0.004, 0.5, 0.734], [0.083, 0.75, 0.375], [0.3, 0.976, 0.997]])
-    response = MotionResponse(PERIOD, 0, rates, 0.00125, 0.183, 0.846)
+    response = MotionResponse(PERIOD, 0, rates, 0.00125, 0.5, 0.183, 0.846)
     # Another simulated robot, as it came.
     m = "2222200000000000000002222222222222222222222222222212222222022000222222222222100000022222"
     y = "1100000000000000000000000011111111111111111110000000000000000000000111111111100000011111"
     told = tell_contingency([int(one) for one in m], [one == "1" for one in y], response)
     assert told.verdict == CANNOT_TELL
     assert 7.0 < told.log_odds.max() < np.log(ODDS)
+
+
+def test_an_own_arm_that_shows_where_it_is_not_expected_is_nobody():
+    rates = np.array([[0.003, 0.5, 0.279], [0.325, 0.5, 0.833], [0.964, 0.977, 0.995]])
+    # A simulated robot, as it came: its arm shows for half a second in cells beyond its own. As ten
+    # pictures that do not know of each other these were told as somebody.
+    m = "222122222222222210000022100000221000222220022222222222222212"
+    m += "210002212200000000000000000021021000000002210222221022002222"
+    y = "000000000000000000000000000000000000000000000000000001100000"
+    y += "000000000000000000000000000001000000000000110001111101000010"
+    moved, image = [int(one) for one in m], [one == "1" for one in y]
+    apart = MotionResponse(PERIOD, 1, rates, 0.009, 0.009, 0.149, 0.786)
+    odds = tell_contingency(moved, image, apart).log_odds
+    assert odds[-1] > -4.0
+    told = tell_contingency(moved, image, replace(apart, lingers=0.3))
+    assert told.verdict == NOBODY
+    assert told.settled
 
 
 def test_who_is_hidden_a_quarter_of_the_time_is_not_taken_for_another():

@@ -31,6 +31,7 @@ from nico_selfmodel.experiments.mirror_test.painting import (
     Painted,
 )
 from nico_selfmodel.experiments.mirror_test.report import report_of
+from nico_selfmodel.experiments.mirror_test.robots_apart import together
 from nico_selfmodel.experiments.mirror_test.stages import MirrorTest
 from nico_selfmodel.experiments.mirror_test.structure import LinkStructure, StructureStage
 from nico_selfmodel.experiments.mirror_test.unknown_mirror import (
@@ -51,7 +52,7 @@ from nico_selfmodel.vision.surprise.surprise import Expectation, Surprise
 from ..slow_rest import slow_rest
 
 RATES = [[0.01, 0.3, 0.5], [0.3, 0.5, 0.5], [0.5, 0.5, 0.99]]
-RESPONSE = MotionResponse(0.05, 1, np.array(RATES), 0.01, 0.1, 0.8)
+RESPONSE = MotionResponse(0.05, 1, np.array(RATES), 0.01, 0.5, 0.1, 0.8)
 
 
 def said(verdict, seconds=1.0):
@@ -109,6 +110,16 @@ def test_when_odds_of_a_hundred_were_reached_for_good_is_told_beside_the_verdict
     assert rows["mirror"]["longest_s"] == pytest.approx(4.0)
     assert rows["mirror"]["longest_to_100_s"] == pytest.approx(2.0)
     assert rows["nobody"]["longest_to_100_s"] == pytest.approx(0.5, abs=0.06)
+
+
+def test_robots_of_several_processes_are_judged_as_one_test():
+    parts = [MirrorTest(stage(8), mirrors=MirrorsStage(())), MirrorTest(stage(7), error="no place")]
+    whole = together(parts)
+    assert len(whole.encounters.trials) == 7 * 15
+    assert whole.mirrors is None  # one of them did not come to it
+    assert whole.error == "no place"
+    assert report_of(together(parts[:1])).document["stages"][0]["status"] == "NOT_EVALUATED"
+    assert report_of(replace(whole, error=None)).document["status"] == "PASS"
 
 
 def test_not_me_is_no_mistake_where_nobody_is():

@@ -11,12 +11,15 @@ import numpy as np
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import load_dataset, save_dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
+from nico_selfmodel.dataset.motion.motion_folder import save_motion
 from nico_selfmodel.experiments.mirror_body import mirror_body
 from nico_selfmodel.model.self_model_file import save_model
 from nico_selfmodel.model.shape.shape_folder import save_shape
 
 from ..drawn_boards import draw_pairs
 from ..learned_ball import ball_body
+from ..simulated_steps import SERVOS as STEPPING
+from ..simulated_steps import steps_recorded
 
 JOINTS = ("shoulder", "elbow", "wrist")
 POSES = 40
@@ -191,6 +194,7 @@ _RECORDED = _readers("record --out {it} --sensor motion-capture --circle 0 --ran
 _TO_VISIT = _readers(
     "record --out {out}/r --sensor motion-capture --circle 0 --poses {it}/poses.csv",
 )
+_STEPS = _readers("calibrate servos {it} --no-report --out {out}/a")
 _SHAPE = _readers("export-urdf {it} --out {out}/d.urdf", "view {it} --out {out}/scene.html")
 _RESULT = _readers("view {it} --out {out}/scene.html")
 WORDS = _readers(
@@ -261,6 +265,8 @@ KINDS = (
     Kind("recording, rows", "recorded", "samples.csv", _RECORDED),
     Kind("recording, head", "recorded", "dataset.yaml", _RECORDED),
     Kind("scene", "result", "scene.json", _RESULT),
+    Kind("steps, rows", "steps", "motion.csv", _STEPS),
+    Kind("steps, head", "steps", "dataset.yaml", _STEPS),
     Kind("learned shape", "shape", "body/shape.yaml", _SHAPE),
     Kind("mesh of a learned shape", "shape", "body/palm.ply", _SHAPE),
 )  # fmt: skip
@@ -298,6 +304,7 @@ def make_sound_inputs(sound: Path, command) -> dict[str, str]:
     shutil.copytree(sound / "with_robot", sound / "shape")
     save_shape(ball_body("palm", "fore"), sound / "shape" / "body")
     _make_recording(sound, command)
+    save_motion(steps_recorded(STEPPING[:1], count=4, period=0.1), sound / "steps")
     _make_pictures(sound)
     return _make_seen(sound, command)
 

@@ -22,7 +22,7 @@ from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.model.self_model_file import load_model
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
-from nico_selfmodel.viz.figures.health_plot import health_plot
+from nico_selfmodel.viz.figures.over_time.health_plot import health_plot
 from nico_selfmodel.viz.reports.updates import update_report
 from nico_selfmodel.viz.scene.scene import load_scene
 from nico_selfmodel.viz.scene.update_scene import update_scene

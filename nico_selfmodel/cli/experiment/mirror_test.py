@@ -28,6 +28,7 @@ def mirror_test(
         ),
     ] = "flat",
     imperfections: options.Imperfections = "thesis",
+    processes: options.Processes = 1,
     seed: options.FirstSeed = 0,
 ) -> None:
     """Is it me? What is that mark? The mirror test (chapter 10).
@@ -39,7 +40,7 @@ def mirror_test(
     with exit code 1, where a stage misses a bound: docs/mirror_test.md has them all. A PASS takes
     100 trials, 5 robots, 10 mirrors, 100 looks, 104 marks and 20 of them in reach. A stage that
     fails is the last, but for the shape, which nothing rests on. Some 10 s a trial and a mark, 3 s
-    a look, 2 s for each of 50 other ways, and 11 minutes a robot.
+    a look, 2 s for each of 50 other ways, and 11 minutes a robot; --processes shares robots out.
     """
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
@@ -49,13 +50,17 @@ def mirror_test(
 
     plate = glass_named(glass)
     from nico_selfmodel.experiments.mirror_test.report import report_of
+    from nico_selfmodel.experiments.mirror_test.robots_apart import run_apart
     from nico_selfmodel.experiments.mirror_test.stages import run_stages
     from nico_selfmodel.freed_memory import give_back_freed_memory
 
     give_back_freed_memory()
     with printer.progress_bar() as progress:
         seeds = range(seed, seed + robots)
-        test = run_stages(chosen, seeds, trials, looks, marks, plate, progress)
+        if processes == 1:
+            test = run_stages(chosen, seeds, trials, looks, marks, plate, progress)
+        else:
+            test = run_apart(chosen, seeds, trials, looks, marks, plate, processes, progress)
     report = report_of(test)
     finish(report, output)
     raise typer.Exit(1 if report.document["status"] == "FAIL" else 0)

@@ -50,7 +50,8 @@ def tell_contingency(moved: ArrayLike, seen: ArrayLike, response: MotionResponse
                   Markov chain that starts and stops as often as one does oneself; half as likely
                   one who repeats one's motion k pictures later, P(y_t | m_(t-d-k-1), m_(t-d-k)),
                   with k = 2, 3, ... as likely as 1 / k, and before that is remembered as the chain
-        nobody    log L_N = sum_t log P(y_t | nobody), what is seen where nothing moves
+        nobody    log L_N = sum_t log P(y_t | y_(t-1), nobody), what is seen where nothing moves: a
+                  Markov chain, too, for where the own arm shows unexpectedly it does so for a while
 
     Who repeats one's motion pauses when oneself does: a chain loses log odds to self by each
     picture of such a pause, though self explains it no better than the one who is late.
@@ -127,9 +128,10 @@ def _logs(m: NDArray, y: NDArray, response: MotionResponse) -> tuple[NDArray, ND
     moved = m[1 : len(m) - response.delay] > STILL
     rate = response.after(m)
     nothing = each(np.full(len(found), response.unprompted))
+    empty = each(np.where(before, response.lingers, response.unprompted))
     chain = each(np.where(before, response.stays, response.starts))
     others = np.vstack([_summed(chain), _of_the_late(found, rate, chain, latest)])
-    logs = _of_self(each(rate), nothing, moved), others, _summed(nothing)
+    logs = _of_self(each(rate), nothing, moved), others, _summed(empty)
     own, other, nobody = (np.concatenate([np.zeros((*log.shape[:-1], first)), log], -1)
                           for log in logs)  # fmt: skip
     return own, other, nobody

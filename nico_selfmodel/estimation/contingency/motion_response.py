@@ -26,7 +26,10 @@ class MotionResponse:
     """P(y_t = 1 | m_(t-d-1), m_(t-d)): how often the image moves after the encoders stood, moved a
     little or more. Shape (3, 3)."""
     unprompted: float
-    """P(y_t = 1) where nobody is: motion seen where nothing moves."""
+    """P(y_t = 1 | y_(t-1) = 0) where nobody is: how often motion is seen where nothing moves."""
+    lingers: float
+    """P(y_t = 1 | y_(t-1) = 1) where nobody is: such motion is often the own arm's, where it is not
+    expected, and goes on while that moves."""
     starts: float
     """P(y_t = 1 | y_(t-1) = 0): how often what moves begins to."""
     stays: float
@@ -80,7 +83,7 @@ def learn_response(
         ValueError: If the series differ in length.
     """
     m, y = series(moved, seen)
-    false_alarms = float(series(moved, elsewhere)[1].sum())
+    false = series(moved, elsewhere)[1]
     most = int(np.ceil(longest / period))
     first = most + 1
     if len(m) <= first + 1:
@@ -98,12 +101,16 @@ def learn_response(
             f"what is seen follows the encoders after no certain delay (odds {np.exp(margin):.3g} "
             f"to 1, {_ODDS:.0f} are needed): start and stop the arm more often where it is seen"
         )
-    started, stayed = (
+    return MotionResponse(period, delay, rates, *_chain(false), *_chain(y))
+
+
+def _chain(y: NDArray) -> tuple[float, float]:
+    """Return P(y_t = 1 | y_(t-1)), of 0 and of 1: as means of Beta distributions, too."""
+    began, stayed = (
         (float(y[1:][y[:-1] == was].sum()) + 0.5) / (float((y[:-1] == was).sum()) + 1.0)
         for was in (False, True)
     )
-    unprompted = (false_alarms + 0.5) / (len(y) + 1.0)
-    return MotionResponse(period, delay, rates, unprompted, started, stayed)
+    return began, stayed
 
 
 def series(moved: ArrayLike, seen: ArrayLike) -> tuple[NDArray, NDArray]:

@@ -18,6 +18,10 @@ data. Where nothing failed and something is left open that was asked, nothing pa
 says what passed."""
 
 
+_SHOWN = {"mm": 1e3, "px": 1.0, "deg": 180.0 / np.pi}
+"""Unit in which errors are shown -> how many of it are one of that in which they are kept."""
+
+
 @dataclass(frozen=True)
 class Finding:
     """What an estimator alone can say of its result."""
@@ -83,28 +87,30 @@ class Errors:
     compared: NDArray = field(default_factory=lambda: np.zeros(0))
     """One error a pose, or board: what held-out ones are compared by. Shape (K,)."""
     unit: str = "mm"
-    """Of `compared`, and of the error that comes first: `mm` or `px`."""
+    """Of `compared`, and of the error that comes first: `mm`, `px` or `deg`."""
     compared_by: str = ""
     """What `compared` is of, where units do not say it: only the same is compared."""
     relative_to: float | None = None
     """What `compared` is in units of, [m or px]: it is relative; None where it is in `unit`."""
+    angles: NDArray | None = None
+    """Of joints [rad]. Shape (K,)."""
 
     @property
     def compared_size(self) -> float:
         """Size of one unit of `compared`, in `unit`."""
-        return (self.relative_to or 1.0) * (1e3 if self.unit == "mm" else 1.0)
+        return (self.relative_to or 1.0) * _SHOWN[self.unit]
 
     def statistics(self, unit: str) -> ErrorStatistics | None:
-        """Return the summary of the distances in `mm` (in metres all the same) or `px`."""
-        distances = self.position if unit == "mm" else self.pixels
+        """Return the summary of errors in `mm` (in metres all the same), `px` or `deg` (in rad)."""
+        distances = {"mm": self.position, "px": self.pixels, "deg": self.angles}[unit]
         if distances is None or not len(distances):
             return None
         return ErrorStatistics.from_distances(distances)
 
     def to_json(self) -> dict[str, Any] | None:
         """Return the block of `result.json`; None where nothing was measured."""
-        position, pixels = self.statistics("mm"), self.statistics("px")
-        first = pixels if self.unit == "px" else position
+        position, pixels, angles = map(self.statistics, ("mm", "px", "deg"))
+        first = {"px": pixels, "mm": position, "deg": angles}[self.unit]
         if first is None:
             return None
         block: dict[str, Any] = {"n": first.n if self.n is None else self.n}
@@ -114,6 +120,8 @@ class Errors:
             block["pixels"] = pixels.as_dict()
         if position is not None:
             block["position_mm"] = position.as_mm()
+        if angles is not None:
+            block["angle_deg"] = angles.as_deg()
         return block
 
 
@@ -134,7 +142,7 @@ class Terms:
     untested: str | None = None
     """What to say where nothing was held out; what to do about it if omitted."""
     decisive: str | None = None
-    """Unit, `mm` or `px`, of the held-out errors without which nothing is shown; any if None."""
+    """Unit (`mm`, `px`, `deg`) of held-out errors without which nothing is shown; any if None."""
     bounded: str = "mean"
     """Which statistic of the held-out errors a bound of the user's is for: `mean` or `rms`."""
 

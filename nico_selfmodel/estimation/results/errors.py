@@ -1,4 +1,4 @@
-"""Statistics of errors: one summary for distances in space and in images."""
+"""Statistics of errors: one summary for distances in space and in images, and for angles."""
 
 from dataclasses import dataclass
 
@@ -42,6 +42,10 @@ class ErrorStatistics:
     def as_mm(self) -> dict[str, float]:
         """Return the statistics in millimetres, keyed as in `result.json`."""
         return {name: 1e3 * value for name, value in self.as_dict().items()}
+
+    def as_deg(self) -> dict[str, float]:
+        """Return the statistics of angles [rad] in degrees, keyed as in `result.json`."""
+        return {name: float(np.degrees(value)) for name, value in self.as_dict().items()}
 
     def as_dict(self) -> dict[str, float]:
         """Return the statistics in their own unit, keyed as in `result.json`."""

@@ -14,6 +14,7 @@ from nico_selfmodel.viz.live.static_page import static_html
 from nico_selfmodel.viz.reports import parts
 from nico_selfmodel.viz.reports.compiled_templates import CompiledTemplates
 from nico_selfmodel.viz.reports.residual_rows import RESIDUALS_FILE
+from nico_selfmodel.viz.reports.tables import UNIT_OF
 from nico_selfmodel.viz.scene.scene import SCENE_FILE, Scene
 from nico_selfmodel.viz.scene.surroundings import NIGHT_SCRIPT
 
@@ -74,8 +75,8 @@ class Report:
     """Beside the verdict."""
     sections: tuple[parts.Section, ...]
     """Below the first page, in this order."""
-    scene: Scene
-    """The picture of the first page; kept beside it, for `view`."""
+    scene: Scene | parts.Drawing
+    """The picture of the first page; a scene is kept beside it, for `view`."""
     learned: tuple[Any, ...] = ()
     """What was learned, beside the picture: tables and what is to be known of them."""
     residuals: str = ""
@@ -87,8 +88,15 @@ class Report:
         Raises:
             SelfModelError: If Drake's page for scenes is not one that is known.
         """
-        files = {REPORT_FILE: self.html(), SCENE_FILE: self.scene.to_json()}
+        files = {REPORT_FILE: self.html()}
+        if isinstance(self.scene, Scene):
+            files[SCENE_FILE] = self.scene.to_json()
         return files | ({RESIDUALS_FILE: self.residuals} if self.residuals else {})
+
+    @property
+    def picture(self) -> parts.Stage | parts.Drawing:
+        """The picture of the first page as a part of it."""
+        return parts.Stage(self.scene) if isinstance(self.scene, Scene) else self.scene
 
     def html(self) -> str:
         """Return the report as one self-contained page, which loads nothing from anywhere.
@@ -142,7 +150,7 @@ def key_number(
 
     Args:
         document: Content of `result.json`.
-        quantity: `position_mm` or `pixels`.
+        quantity: `position_mm`, `pixels` or `angle_deg`.
         things: What the errors are of.
         statistics: What is shown large, and what small.
         digits: Decimals that are shown.
@@ -152,7 +160,7 @@ def key_number(
         ValueError: If there are no errors.
     """
     name, label = telling_set(document, things)
-    block, unit = document[name], "mm" if quantity == "position_mm" else "px"
+    block, unit = document[name], UNIT_OF[quantity]
     large, small = (f"{block[quantity][one]:.{digits}f} {unit}" for one in statistics)
     shown = {"sd": "SD"}.get(statistics[1], statistics[1])
     beside = [f"{shown} {small}", f"{block['n']} {things}", note]

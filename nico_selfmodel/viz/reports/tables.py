@@ -13,12 +13,15 @@ SETS = (("test", "held-out"), ("cross_validation", "cross-validation"), ("train"
 STATISTICS = ("mean", "sd", "rms", "median", "p95", "max")
 HEADINGS = ("mean", "SD", "rms", "median", "95 %", "max")
 UNITS = {"m": ("mm", 1e3), "rad": ("deg", 180.0 / np.pi), "px": ("px", 1.0), "1": ("", 1.0)}
-UNITS |= {"rad/m": ("mrad/m", 1e3)}
+UNITS |= {"rad/m": ("mrad/m", 1e3), "s": ("ms", 1e3), "1/s": ("1/s", 1.0)}
+UNITS |= {"rad/s": ("deg/s", 180.0 / np.pi), "rad/s^2": ("deg/s²", 180.0 / np.pi)}
 """Unit of a parameter -> unit and factor that people read."""
 
 
+UNIT_OF = {"position_mm": "mm", "pixels": "px", "angle_deg": "deg"}
+"""Quantity of a set of errors -> its unit."""
 ErrorBlock = tuple[str, Mapping[str, Any] | None, str]
-"""Label, set of errors of a document, and the quantity to show: `position_mm` or `pixels`."""
+"""Label, set of errors of a document, and the quantity to show, one of `UNIT_OF`."""
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from nico_selfmodel.estimation.observations.pixel_observations import columns_of
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.distribution_plot import ErrorSet, distribution
-from nico_selfmodel.viz.figures.health_plot import health_plot
 from nico_selfmodel.viz.figures.numbers_shown import signed
+from nico_selfmodel.viz.figures.over_time.health_plot import health_plot
 from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.page import Report, headline_quantity, key_number, telling_set
 from nico_selfmodel.viz.reports.pixel_rows import pixels_csv

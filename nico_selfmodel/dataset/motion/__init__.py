@@ -1,0 +1,1 @@
+"""What joints were told over time, and what their encoders read."""

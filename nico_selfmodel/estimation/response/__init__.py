@@ -1,0 +1,1 @@
+"""How joints follow their commands: system identification by step responses."""

@@ -1,0 +1,129 @@
+"""The mirror test with its robots shared out among processes: no robot needs another."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from nico_selfmodel.experiments.mirror_test.encounters import EncounterStage, check_trials
+from nico_selfmodel.experiments.mirror_test.images import ImageStage
+from nico_selfmodel.experiments.mirror_test.marks import MarkStage, check_marks
+from nico_selfmodel.experiments.mirror_test.stages import MirrorTest, run_stages
+from nico_selfmodel.experiments.mirror_test.structure import StructureStage
+from nico_selfmodel.experiments.mirror_test.touches import TouchStage
+from nico_selfmodel.experiments.mirror_test.unknown_mirror import MirrorsStage
+from nico_selfmodel.experiments.mirror_test.unmarked import UnmarkedStage
+from nico_selfmodel.freed_memory import give_back_freed_memory
+from nico_selfmodel.parallel import Workers
+from nico_selfmodel.sessions.progress import Stage, telling
+from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
+
+
+@dataclass(frozen=True)
+class _Share:
+    """What one process does: some of the robots, and their share of the trials."""
+
+    world: Imperfections
+    seeds: tuple[int, ...]
+    trials: int
+    looks: int
+    marks: int
+    plate: MirrorPlate
+
+
+def run_apart(
+    world: Imperfections,
+    seeds: Sequence[int],
+    trials: int,
+    looks: int,
+    marks: int,
+    plate: MirrorPlate,
+    processes: int,
+    progress: Stage | None = None,
+) -> MirrorTest:
+    """Let robots go through the test in several processes, and put what happened together.
+
+    A process ends where one of its own robots fails; a stage that one did not begin counts as not
+    begun.
+
+    Args:
+        world: As of `run_stages`, and all up to `plate` likewise.
+        seeds: Which robots.
+        trials: Encounters in all.
+        looks: Of each robot at its unmarked body.
+        marks: Trials with marks in all.
+        plate: The glass from stage 2 on.
+        processes: How many; no more than there are robots.
+        progress: Told when one has ended.
+
+    Raises:
+        ValueError: If there are too few trials.
+        EstimationError: If a robot cannot learn how its image follows its encoders.
+    """
+    check_trials(trials, len(seeds))
+    check_marks(marks, len(seeds))
+    count = min(processes, len(seeds))
+    ends = [round(k * len(seeds) / count) for k in range(count + 1)]
+    shares = []
+    for begin, end in pairwise(ends):
+        own = [round(end * n / len(seeds)) - round(begin * n / len(seeds)) for n in (trials, marks)]
+        shares.append(_Share(world, tuple(seeds[begin:end]), own[0], looks, own[1], plate))
+    tell = telling(progress, "robots going through the test")
+    return together(Workers(count).map(_run, shares, tell))
+
+
+def _run(share: _Share) -> MirrorTest:
+    give_back_freed_memory()
+    return run_stages(share.world, share.seeds, share.trials, share.looks, share.marks, share.plate)
+
+
+def together(parts: Sequence[MirrorTest]) -> MirrorTest:
+    """Return one test of what happened in several, robot by robot in their order."""
+    encounters = [part.encounters for part in parts]
+    met = EncounterStage(
+        _all(encounters, "trials"),
+        {seed: one for stage in encounters for seed, one in stage.responses.items()},
+        {seed: age for stage in encounters for seed, age in stage.latencies.items()},
+    )
+    errors = [part.error for part in parts if part.error is not None]
+    return MirrorTest(
+        met,
+        _joined(parts, "images", lambda found: ImageStage(_all(found, "trials"))),
+        _joined(parts, "mirrors", _mirrors),
+        _joined(parts, "structure", _structure),
+        _joined(parts, "unmarked", lambda f: UnmarkedStage(_all(f, "looks"), f[0].shown)),
+        _joined(parts, "marks", _marks),
+        _joined(parts, "touches", _touches),
+        errors[0] if errors else None,
+    )
+
+
+def _joined(parts: Sequence[MirrorTest], name: str, join: Any) -> Any:
+    """Return a stage of all parts; None where one did not begin it."""
+    found = [getattr(part, name) for part in parts]
+    return None if any(one is None for one in found) else join(found)
+
+
+def _all(stages: Sequence[Any], name: str) -> tuple[Any, ...]:
+    return tuple(one for stage in stages for one in getattr(stage, name))
+
+
+def _mirrors(found: Sequence[MirrorsStage]) -> MirrorsStage:
+    return MirrorsStage(_all(found, "places"), _all(found, "refusals"))
+
+
+def _structure(found: Sequence[StructureStage]) -> StructureStage:
+    shapes = {seed: shape for stage in found for seed, shape in stage.shapes.items()}
+    links, refusals = _all(found, "links"), _all(found, "refusals")
+    return StructureStage(links, found[-1].mirrors, refusals, shapes)
+
+
+def _marks(found: Sequence[MarkStage]) -> MarkStage:
+    shown = [stage.shown for stage in found if stage.shown is not None]
+    return MarkStage(_all(found, "trials"), shown[0] if shown else None)
+
+
+def _touches(found: Sequence[TouchStage]) -> TouchStage:
+    drawn, shaped = (sum(getattr(one, name) for one in found) for name in ("drawn", "shaped"))
+    return TouchStage(_all(found, "marks"), _all(found, "plans"), drawn, shaped)

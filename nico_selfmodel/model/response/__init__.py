@@ -1,0 +1,1 @@
+"""How joints follow what they are told."""

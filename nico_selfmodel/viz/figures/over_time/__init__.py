@@ -1,0 +1,1 @@
+"""Figures of what happened over time."""
