@@ -149,14 +149,15 @@ def test_the_thesis_own_variant_is_flagged_and_refused():
     assert "`right.pose.x` holds the scale" in " ".join(judge(found).warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stage", "variant", "free"),
     [
-        pytest.param("kinematics", "anchored", 23, marks=pytest.mark.slow),
-        pytest.param("intrinsics-fixed", "anchored", 29, marks=pytest.mark.slow),
-        pytest.param("intrinsics-fixed", "unanchored", 28, marks=pytest.mark.slow),
-        pytest.param("full", "thesis", 36, marks=pytest.mark.slow),
-        pytest.param("full", "unanchored", 42, marks=pytest.mark.slow),
+        ("kinematics", "anchored", 23),
+        ("intrinsics-fixed", "anchored", 29),
+        ("intrinsics-fixed", "unanchored", 28),
+        ("full", "thesis", 36),
+        ("full", "unanchored", 42),
         ("full", "anchored", 43),
     ],
 )

@@ -323,6 +323,7 @@ def test_the_real_pair_fits_and_has_its_baseline(real_data_folder):
     assert found.rig.epipolar_errors(views.pixels.reshape(-1, 4)).mean() <= 0.27
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_small_boards_far_away_start_badly_and_end_well(seed):
     """Each camera alone hardly knows its principal point then: no sign of pairs mixed up."""

@@ -47,6 +47,7 @@ def with_known_markers(sim):
     return replace(sim.data, markers=markers)
 
 
+@pytest.mark.slow
 def test_markers_of_known_place_on_a_moving_link_tell_cameras_all_lengths():
     sim = one_arm(0, joints=3, markers=3, poses=30, sensor="camera", joint_sigma=np.radians(0.1))
     found = learned(with_known_markers(sim))
@@ -95,6 +96,7 @@ def test_a_prior_of_one_coordinate_chooses_the_frame_too(tracked, alone):
     assert found.solution.cost == pytest.approx(alone.solution.cost, abs=0.6)
 
 
+@pytest.mark.slow
 def test_what_nothing_tells_is_not_held_where_a_guess_has_it(tracked):
     with pytest.raises(ValueError, match=r"nothing tells hand_tag0\.z.*--fix hand_tag0\.z=VALUE"):
         learned(tracked.data, {"hand_tag0.z": None})
