@@ -11,10 +11,7 @@ from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.arm.evaluation import evaluate
 from nico_selfmodel.estimation.body.arm_parameters import arm_tree
 from nico_selfmodel.estimation.body.body import calibrate_body
-from nico_selfmodel.estimation.body.body_initialization import (
-    in_left_camera,
-    reconstructed,
-)
+from nico_selfmodel.estimation.body.body_initialization import in_left_camera, reconstructed
 from nico_selfmodel.estimation.body.body_options import BodyOptions
 from nico_selfmodel.estimation.body.seen_body import SeenBody
 from nico_selfmodel.estimation.cameras.board_check import BoardCheck

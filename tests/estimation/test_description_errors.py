@@ -16,12 +16,7 @@ from nico_selfmodel.estimation.tree.known.described_scale import (
 )
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_priors import BEFOREHAND, expected_priors
-from nico_selfmodel.estimation.tree.tree_setup import (
-    DESCRIBED,
-    Alike,
-    Description,
-    robot_sigmas_of,
-)
+from nico_selfmodel.estimation.tree.tree_setup import DESCRIBED, Alike, Description, robot_sigmas_of
 from nico_selfmodel.model.tree.body_tree import BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.optimization.uncertainty import Uncertainty

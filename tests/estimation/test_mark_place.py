@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import EstimationError
-from nico_selfmodel.estimation.mirrors.body_alignment import (
-    AlignedView,
-    BodyMotion,
-    alignment_step,
-)
+from nico_selfmodel.estimation.mirrors.body_alignment import AlignedView, BodyMotion, alignment_step
 from nico_selfmodel.estimation.mirrors.mark_place import (
     GATE_3,
     NOT_ON_ME,

@@ -25,17 +25,7 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 
 from ..slow_rest import slow_rest
-from .mirror_scenes import (
-    CHAIN,
-    MIRROR,
-    RIG,
-    SECOND,
-    angle_deg,
-    body,
-    poses,
-    recording,
-    together,
-)
+from .mirror_scenes import CHAIN, MIRROR, RIG, SECOND, angle_deg, body, poses, recording, together
 
 mirrors = st.builds(
     lambda x, y, d: Mirror.from_values([*np.radians([x, y]), d]),

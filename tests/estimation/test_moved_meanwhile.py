@@ -15,10 +15,7 @@ from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE
 from nico_selfmodel.estimation.tree import tree_findings
 from nico_selfmodel.estimation.tree.forward.joint_errors import MOST_SLIPS
 from nico_selfmodel.estimation.tree.timing import moved_meanwhile as module
-from nico_selfmodel.estimation.tree.timing.moved_meanwhile import (
-    LEAST_RATIO,
-    moved_meanwhile,
-)
+from nico_selfmodel.estimation.tree.timing.moved_meanwhile import LEAST_RATIO, moved_meanwhile
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_of
 from nico_selfmodel.geometry.transform import transform

@@ -9,10 +9,7 @@ from nico_selfmodel.estimation.arm.named_refinement import dh_program
 from nico_selfmodel.estimation.initialization.axis_search import project_variables, random_starts
 from nico_selfmodel.estimation.initialization.start_search import line_program
 from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
-from nico_selfmodel.estimation.observations.hand_residuals import (
-    DhResiduals,
-    LineResiduals,
-)
+from nico_selfmodel.estimation.observations.hand_residuals import DhResiduals, LineResiduals
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.arm.dh_table import DhTable

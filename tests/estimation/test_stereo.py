@@ -6,12 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.errors import (
-    DataError,
-    EstimationError,
-    NotIdentifiableError,
-    SelfModelError,
-)
+from nico_selfmodel.errors import DataError, EstimationError, NotIdentifiableError, SelfModelError
 from nico_selfmodel.estimation.cameras.board_accuracy import epipolar_errors, held_out_residuals
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_initialization import pose_of_seen_boards
@@ -23,18 +18,7 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 from ..slow_rest import slow_rest
 from .real_boards import stereo_chessboard
-from .simulated_boards import (
-    LEFT,
-    P_GQ,
-    RIG,
-    RIGHT,
-    SIZE,
-    TRUTH,
-    boards,
-    changed,
-    pictures,
-    unseen,
-)
+from .simulated_boards import LEFT, P_GQ, RIG, RIGHT, SIZE, TRUTH, boards, changed, pictures, unseen
 
 SIGMA = 0.2
 PLAIN = CameraOptions(loss="none")

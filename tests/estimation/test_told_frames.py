@@ -8,10 +8,7 @@ import pytest
 from nico_selfmodel.errors import DataError, NotConvergedError
 from nico_selfmodel.estimation.bending.effect_sums import Reduced
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
-from nico_selfmodel.estimation.tree.contradictions.ran_away import (
-    check_that_it_stayed,
-    too_short,
-)
+from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed, too_short
 from nico_selfmodel.estimation.tree.guesses.told_frames import exchanged_parts, framed, told_size
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters

@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.vision.boards.board_detections import (
-    detect_boards,
-    detect_boards_of_cameras,
-)
+from nico_selfmodel.vision.boards.board_detections import detect_boards, detect_boards_of_cameras
 from nico_selfmodel.vision.boards.board_images import stereo_pairs
 from nico_selfmodel.vision.boards.chessboard import Board, BoardDetection, find_chessboard
 from nico_selfmodel.vision.images.image_file import read_image
