@@ -19,6 +19,8 @@ from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
 
+from .slow_rest import slow_rest
+
 LOSSY = replace(IMPERFECTIONS["thesis"], dropout_share=0.5)
 
 
@@ -51,7 +53,7 @@ def assert_same_files(one, other):
     assert all(a.read_bytes() == b.read_bytes() for a, b in zip(*images, strict=True))
 
 
-@pytest.mark.parametrize("stops", [(1,), (7,), pytest.param((3, 11, 19), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("stops", slow_rest(map(pytest.param, [(7,), (1,), (3, 11, 19)])))
 @pytest.mark.parametrize(
     "world", [IMPERFECTIONS["thesis"], LOSSY], ids=["thesis", "markers often lost"]
 )

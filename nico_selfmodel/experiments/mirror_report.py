@@ -5,13 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from nico_selfmodel.experiments.experiment_report import (
-    ExperimentReport,
-    Pair,
-    Table,
-    bars,
-    bodies,
-)
+from nico_selfmodel.experiments.experiment_report import ExperimentReport, Pair, Table, bars, bodies
 from nico_selfmodel.experiments.mirror import (
     COMPARABLE_MM,
     POSES,

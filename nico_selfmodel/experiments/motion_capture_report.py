@@ -5,11 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from nico_selfmodel.experiments.experiment_report import ExperimentReport, Table, bars, bodies
-from nico_selfmodel.experiments.motion_capture import (
-    THESIS_REPEATS,
-    MotionCaptureExperiment,
-    Row,
-)
+from nico_selfmodel.experiments.motion_capture import THESIS_REPEATS, MotionCaptureExperiment, Row
 from nico_selfmodel.viz.figures.experiment_charts import bar_chart
 
 _THESIS_LINKS_MM = ((126.82, 0.45), (115.66, 0.84))

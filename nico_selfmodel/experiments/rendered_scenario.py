@@ -8,12 +8,7 @@ from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.experiments.irreducible_error import Limit
 from nico_selfmodel.experiments.projected_nico import MARKERS
 from nico_selfmodel.experiments.refinement import SEED, Scenario
-from nico_selfmodel.sessions.camera_scenario import (
-    Counts,
-    RenderedNico,
-    of_marker,
-    watch_hand,
-)
+from nico_selfmodel.sessions.camera_scenario import Counts, RenderedNico, of_marker, watch_hand
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 

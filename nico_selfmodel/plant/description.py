@@ -14,12 +14,7 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
-from nico_selfmodel.plant.chain_choice import (
-    check_point,
-    checked_held,
-    learned_joints,
-    only_link,
-)
+from nico_selfmodel.plant.chain_choice import check_point, checked_held, learned_joints, only_link
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 from nico_selfmodel.plant.robots import ROBOTS, find_robot, named_arm
 

@@ -8,10 +8,7 @@ import pytest
 from nico_selfmodel.estimation.arm.kinematic_task import sweeps_of
 from nico_selfmodel.estimation.initialization.circle_points import analyse_circle_points
 from nico_selfmodel.estimation.initialization.start_search import line_program
-from nico_selfmodel.estimation.observations.observations import (
-    Observations,
-    gears_known,
-)
+from nico_selfmodel.estimation.observations.observations import Observations, gears_known
 from nico_selfmodel.model.arm.line_kinematics import hand_points
 from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription

@@ -10,10 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from nico_selfmodel.dataset.folder import save_dataset
-from nico_selfmodel.estimation.initialization.axis_search import (
-    first_starts_of_each,
-    random_starts,
-)
+from nico_selfmodel.estimation.initialization.axis_search import first_starts_of_each, random_starts
 from nico_selfmodel.estimation.initialization.start_search import few_rows
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.planning.sweep_protocol import SweepProtocol

@@ -93,7 +93,7 @@ def test_the_commands_of_the_page_print_the_board_and_learn_from_it(
 
 
 def test_cameras_are_named_by_patterns(photographs, tmp_path, command):
-    patterns = [f"--images={n}={photographs}/cam{k}/*.png" for k, n in enumerate(("a", "b"))]
+    patterns = [f"--images={n}={photographs}/cam{k}/00[0-5].png" for k, n in enumerate(("a", "b"))]
     words = (*patterns, *BOARD, "--out", tmp_path / "rig", "--no-report", "-q")
     assert command("calibrate", "cameras", *words).returncode == 0
     assert list(load_model(tmp_path / "rig").cameras) == ["a", "b"]

@@ -15,10 +15,7 @@ from pydrake.systems.analysis import Simulator
 from nico_selfmodel.dataset.folder import content_hash, load_dataset
 from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.servos import SimulatedBus
-from nico_selfmodel.servos.arm.servo_config_file import (
-    load_servo_config,
-    save_servo_config,
-)
+from nico_selfmodel.servos.arm.servo_config_file import load_servo_config, save_servo_config
 from nico_selfmodel.systems.hardware.motion_capture_stream import MotionCaptureServer
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.stations.nico_behind_bus import NicoBehindBus

@@ -9,12 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import (
-    FixedOffsetFrame,
-    RevoluteJoint,
-    SpatialInertia,
-    UnitInertia,
-)
+from pydrake.multibody.tree import FixedOffsetFrame, RevoluteJoint, SpatialInertia, UnitInertia
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset, ObservationTable
 from nico_selfmodel.dataset.body.link_joint import LinkJoint, coupling_of, parents_of

@@ -18,6 +18,7 @@ from nico_selfmodel.model.arm.uniform_rods import uniform_rods
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
+from ..slow_rest import slow_rest
 from .simulated_bodies import Truth, blinded, body, poses
 
 
@@ -76,7 +77,7 @@ def test_what_bends_is_told_from_other_frames_and_is_the_same(seen):
     assert_allclose(residuals.residuals(parameters.start), pixels_of(seen, arm), atol=1e-3)
 
 
-@pytest.mark.parametrize("bends", [False, True])
+@pytest.mark.parametrize("bends", slow_rest([False, True]))
 def test_the_derivatives_by_name_are_those_of_central_differences(seen, bends):
     arm = seen[0].parameters
     rng = np.random.default_rng(5)

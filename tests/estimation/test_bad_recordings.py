@@ -25,6 +25,8 @@ from nico_selfmodel.estimation.observations.outlier_words import (
 from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.arm.dh_table import DhTable
 
+from ..slow_rest import slow_rest
+
 SIGMA = 3e-4
 POSES = 70
 
@@ -263,6 +265,7 @@ def of_three(make_truth):
     return truth.dataset(truth.poses(100, 1), sigma=SIGMA, seed=2)
 
 
+@pytest.mark.slow
 def test_markers_exchanged_in_an_eighth_of_the_samples_are_named(of_three):
     data, samples = with_exchanged(of_three, 0.12, 7)
     warnings = judge(calibrate_kinematics(data)).warnings
@@ -274,7 +277,7 @@ def test_markers_exchanged_in_an_eighth_of_the_samples_are_named(of_three):
     assert not any("exchanged" in words for words in (*sound.warnings, *sound.reasons))
 
 
-@pytest.mark.parametrize("share", [0.3, 0.5])
+@pytest.mark.parametrize("share", slow_rest([0.5, 0.3]))
 def test_markers_exchanged_in_many_samples_fail_by_name(of_three, share):
     data, _ = with_exchanged(of_three, share, 7)
     first, second = sorted(dict.fromkeys(of_three.marker.tolist()))[:2]

@@ -36,7 +36,7 @@ def residuals_of(sides, aspect, gaps, sigma=0.5):
     return block, x + size * rng.uniform(-1.0, 1.0, len(x))
 
 
-@pytest.mark.parametrize(("cameras", "aspect", "gaps"), slow_rest(CASES, plain=4))
+@pytest.mark.parametrize(("cameras", "aspect", "gaps"), slow_rest(CASES, plain=2))
 def test_the_derivatives_are_those_of_central_differences(cameras, aspect, gaps):
     block, x = residuals_of(cameras, aspect, gaps)
     _, jacobian = block.evaluate(x)

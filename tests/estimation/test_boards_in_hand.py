@@ -318,6 +318,7 @@ def corner(real_data_folder):
     return recorded(0.03 * known["model"], pixels, ("left", "right"), (3264, 1470))
 
 
+@pytest.mark.slow
 @pytest.mark.real_data
 def test_a_real_corner_of_mirrors_is_right_angled(corner):
     found = calibrate_tree(corner)

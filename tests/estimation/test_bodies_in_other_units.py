@@ -47,6 +47,7 @@ def test_joints_in_another_unit_are_named_and_no_others(stated, read, mistaken):
     assert str(raised.value).startswith(f"{names} {verb} read in {read}, not in {stated}")
 
 
+@pytest.mark.slow
 def test_all_joints_in_another_unit_are_named_together():
     data = one_arm(11, joints=3, markers=2, poses=40).data
     with pytest.raises(DataError, match="j1, j2, j3 are read in rad, not in deg"):

@@ -19,6 +19,7 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model_file import load_model, save_model
 
+from ..slow_rest import slow_rest
 from .simulated_bodies import Truth, body, learned, scenario
 
 BENDS = {"fisheye": {"k1": 0.02, "k2": -0.01}, "rational": {"k1": 0.7, "k2": 0.1, "k4": 0.9}}
@@ -91,7 +92,7 @@ def test_an_arm_is_learned_through_wide_cameras(seen):
     assert names <= set(arm.model.covariance.names)
 
 
-@pytest.mark.parametrize("kind", ["fisheye", "rational"])
+@pytest.mark.parametrize("kind", slow_rest(["rational", "fisheye"]))
 def test_derivatives_by_wide_cameras_agree_with_differences(kind):
     truth = Truth.of(body())
     rig = StereoRig(*(wide(camera, kind) for camera in truth.rig.cameras))

@@ -11,10 +11,7 @@ from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.arm.evaluation import evaluate
 from nico_selfmodel.estimation.body.arm_parameters import arm_tree
 from nico_selfmodel.estimation.body.body import calibrate_body
-from nico_selfmodel.estimation.body.body_initialization import (
-    in_left_camera,
-    reconstructed,
-)
+from nico_selfmodel.estimation.body.body_initialization import in_left_camera, reconstructed
 from nico_selfmodel.estimation.body.body_options import BodyOptions
 from nico_selfmodel.estimation.body.seen_body import SeenBody
 from nico_selfmodel.estimation.cameras.board_check import BoardCheck
@@ -149,14 +146,15 @@ def test_the_thesis_own_variant_is_flagged_and_refused():
     assert "`right.pose.x` holds the scale" in " ".join(judge(found).warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stage", "variant", "free"),
     [
-        pytest.param("kinematics", "anchored", 23, marks=pytest.mark.slow),
-        pytest.param("intrinsics-fixed", "anchored", 29, marks=pytest.mark.slow),
-        pytest.param("intrinsics-fixed", "unanchored", 28, marks=pytest.mark.slow),
-        pytest.param("full", "thesis", 36, marks=pytest.mark.slow),
-        pytest.param("full", "unanchored", 42, marks=pytest.mark.slow),
+        ("kinematics", "anchored", 23),
+        ("intrinsics-fixed", "anchored", 29),
+        ("intrinsics-fixed", "unanchored", 28),
+        ("full", "thesis", 36),
+        ("full", "unanchored", 42),
         ("full", "anchored", 43),
     ],
 )

@@ -13,7 +13,6 @@ from nico_selfmodel.geometry.resection import robust_camera_pose
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_tree import WORLD, Attached
 
-from ..slow_rest import slow_rest
 from .simulated_trees import LENS, observed, one_arm, turned
 
 
@@ -44,8 +43,9 @@ def recorded_with_an_eye(seed, tracked_room):
     return tree, data.of_rows(np.where(tracked, mine, seen[table.marker] > 2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("seed", "tracked_room"), slow_rest([(3, 20), (3, 0), (5, 0), (6, 0), (8, 0), (9, 0)])
+    ("seed", "tracked_room"), [(3, 20), (3, 0), (5, 0), (6, 0), (8, 0), (9, 0)]
 )
 def test_a_camera_on_a_hand_is_placed_by_markers_located_or_not(seed, tracked_room):
     # It began in the link's middle, and what it saw ended up to 50,000 km away. Of a sparse room

@@ -30,7 +30,7 @@ def analysed(dataset, gears_known):
     return analyse_circle_points(observations, sweeps, known, np.random.default_rng(0))
 
 
-@pytest.mark.parametrize("unit", ["rad", "deg", "counts"])
+@pytest.mark.parametrize("unit", slow_rest(["counts", "rad", "deg"]))
 @pytest.mark.parametrize("points", [3, 26])
 @pytest.mark.parametrize("n", slow_rest([4, 6, 7]))
 def test_circles_without_noise_give_the_exact_arm(make_truth, n, points, unit):
@@ -43,7 +43,7 @@ def test_circles_without_noise_give_the_exact_arm(make_truth, n, points, unit):
         assert all(fit.inliers.all() for fit in result.circles.circles)
 
 
-@pytest.mark.parametrize("unit", ["rad", "counts"])
+@pytest.mark.parametrize("unit", slow_rest(["counts", "rad"]))
 def test_a_grid_of_poses_is_full_of_circles_at_other_homes(make_truth, unit):
     truth = make_truth(3, 4, unit=unit, markers=2)
     axis = np.linspace(-0.7, 0.7, 5)

@@ -155,6 +155,7 @@ def test_a_cause_that_leaves_the_misfit_is_not_told_as_the_cure():
     assert "each marker under its own name" in document["reasons"][1]
 
 
+@pytest.mark.slow
 def test_a_cause_that_explains_all_is_told_as_the_cure(model):
     one = body()
     one.faults.slip("right_elbow", np.radians(4.0))

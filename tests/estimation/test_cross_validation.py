@@ -9,10 +9,11 @@ from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.judging import result_of
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 
+from ..slow_rest import slow_rest
 from .simulated_trees import one_arm
 
 
-@pytest.mark.parametrize("alone", [True, False])
+@pytest.mark.parametrize("alone", slow_rest([True, False]))
 def test_a_marker_that_one_fold_alone_saw_is_not_predicted_by_the_others(alone):
     data = one_arm(3, joints=3, markers=2, poses=30).data
     table = data.observations
@@ -26,7 +27,7 @@ def test_a_marker_that_one_fold_alone_saw_is_not_predicted_by_the_others(alone):
     assert counted == (30 if alone else 33)
 
 
-@pytest.mark.parametrize("alone", [True, False])
+@pytest.mark.parametrize("alone", slow_rest([True, False]))
 def test_a_point_of_an_arm_that_one_fold_alone_saw_is_not_predicted_either(make_truth, alone):
     truth = make_truth(3, seed=2, markers=2)
     data = truth.dataset(truth.poses(30), sigma=2e-4, known_sigma=True)

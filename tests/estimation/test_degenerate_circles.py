@@ -12,6 +12,8 @@ from nico_selfmodel.estimation.initialization.circle_points import analyse_circl
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.observations.observations import Observations
 
+from ..slow_rest import slow_rest
+
 SIGMA = 5e-4
 
 
@@ -34,7 +36,7 @@ def circles_alone(truth, seed, points=20, arc=1.6):
     return calibrate_kinematics(data, method="circle-points")
 
 
-@pytest.mark.parametrize("unit", ["rad", "counts"])
+@pytest.mark.parametrize("unit", slow_rest(["counts", "rad"]))
 @pytest.mark.parametrize("joint", [0, 1, 3])
 def test_a_point_on_the_axis_is_never_silently_used(make_truth, axis_through_hand, joint, unit):
     for seed in range(6):

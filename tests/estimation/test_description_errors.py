@@ -16,12 +16,7 @@ from nico_selfmodel.estimation.tree.known.described_scale import (
 )
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_priors import BEFOREHAND, expected_priors
-from nico_selfmodel.estimation.tree.tree_setup import (
-    DESCRIBED,
-    Alike,
-    Description,
-    robot_sigmas_of,
-)
+from nico_selfmodel.estimation.tree.tree_setup import DESCRIBED, Alike, Description, robot_sigmas_of
 from nico_selfmodel.model.tree.body_tree import BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.optimization.uncertainty import Uncertainty
@@ -60,6 +55,7 @@ def test_what_noise_hides_is_no_error_of_the_description():
     assert np.median(found, axis=0) == pytest.approx([0.002, 0.002], rel=0.5)
 
 
+@pytest.mark.slow
 def test_untold_parts_are_off_by_what_a_description_is_said_to_be_off_by():
     assert asked(0, 0.01, 0.003, told=slice(0, 0)) == pytest.approx((0.03, 0.01), rel=1e-3)
     # One part that is right says that the others are nearer, by a factor of some three.

@@ -69,6 +69,7 @@ def apart(found, tree, first):
     return max(np.linalg.norm(true[n] - size * now[n]) for n in true)
 
 
+@pytest.mark.slow
 def test_markers_by_which_no_joint_is_searched_are_placed_once_joints_are_known():
     made = one_arm(4, markers=40, poses=30, joint_sigma=0.0, sigma={"points": 1e-5})
     table = made.data.observations

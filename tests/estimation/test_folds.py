@@ -3,12 +3,7 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation.results.folds import (
-    FOLDS,
-    cross_validate,
-    fold_of,
-    splits,
-)
+from nico_selfmodel.estimation.results.folds import FOLDS, cross_validate, fold_of, splits
 
 
 @pytest.mark.parametrize("poses", [1, 2, 4, 5, 6, 23])

@@ -9,6 +9,8 @@ from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
 from nico_selfmodel.estimation.noise.variance_components import LinearResiduals
 
+from ..slow_rest import slow_rest
+
 NOISE = HandNoise(0.3, 0.005)
 
 
@@ -30,7 +32,7 @@ def searched(r, slopes, seen):
     return most_likely_noise(data, PoseNoise(0.5, np.full(4, 0.003)), np.zeros(4))
 
 
-@pytest.mark.parametrize("noise", [NOISE, HandNoise(2.0, 0.005)])
+@pytest.mark.parametrize("noise", slow_rest([NOISE, HandNoise(2.0, 0.005)]))
 def test_the_error_bars_of_both_are_those_of_many_recordings(noise):
     found = []
     for seed in range(120):

@@ -12,10 +12,7 @@ from nico_selfmodel.estimation.observations.hand_rows import (
     project_to_cameras,
 )
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.estimation.observations.pixel_observations import (
-    PixelObservations,
-    seen_points,
-)
+from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations, seen_points
 from nico_selfmodel.model.arm.dh_parameters import slopes_by_angle
 from nico_selfmodel.plant import SelfModelPlant
 

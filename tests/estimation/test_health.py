@@ -84,6 +84,7 @@ def test_the_time_of_a_change_within_a_recording_is_found(model):
     assert document["changed_at"] == pytest.approx(41, abs=1)
 
 
+@pytest.mark.slow
 def test_measured_points_serve_as_well(model):
     healthy = replace(poses(body(), 60), pixels=None)
     assert check_health(model, healthy).healthy

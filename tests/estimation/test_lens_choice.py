@@ -127,6 +127,7 @@ def test_a_rational_lens_that_was_asked_for_fails_on_a_fisheye():
     assert {trial.lens for trial in choice.tried} == {"polynomial", "fisheye", "rational"}
 
 
+@pytest.mark.slow
 def test_a_fisheye_asked_for_is_left_open_where_a_polynomial_does_as_well():
     """Of 30 deg: over the corners the two lie 0.005 px apart."""
     choice, verdict = verdict_on("polynomial", 6001, "fisheye")
@@ -135,6 +136,7 @@ def test_a_fisheye_asked_for_is_left_open_where_a_polynomial_does_as_well():
     assert verdict.reasons[0].startswith("these boards do not tell the fisheye lens that was asked")
 
 
+@pytest.mark.slow
 def test_a_rational_lens_asked_for_passes_where_a_polynomial_does_as_well():
     """A polynomial is a rational lens, too."""
     choice, verdict = verdict_on("polynomial", 6001, "rational")

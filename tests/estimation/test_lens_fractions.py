@@ -59,6 +59,7 @@ def test_they_have_one_from_a_likelihood_of_25_on(seed, single):
     assert ("k4" in scores(camera, found)) == single
 
 
+@pytest.mark.slow
 def test_other_lenses_and_fractions_without_room_for_a_pair_keep_their_sigmas():
     _, views, _ = boards(2117)
     for options in (

@@ -65,9 +65,9 @@ def judged(views, options=None, seed=0):
 
 
 @pytest.mark.parametrize("pair", slow_rest([False, True]))
-@pytest.mark.parametrize("options", [None, NO_K3], ids=["default", "k3 held"])
+@pytest.mark.parametrize("options", slow_rest([None, NO_K3]), ids=["default", "k3 held"])
 @pytest.mark.parametrize("focal", slow_rest([280.0, 230.0]))
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", slow_rest([0, 1]))
 def test_a_fisheye_never_passes_and_is_named(seed, focal, options, pair):
     verdict = judged(seen_by(fisheye(focal), seed, pair=pair), options)
     assert verdict.status == "FAIL"

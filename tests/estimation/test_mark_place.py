@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import EstimationError
-from nico_selfmodel.estimation.mirrors.body_alignment import (
-    AlignedView,
-    BodyMotion,
-    alignment_step,
-)
+from nico_selfmodel.estimation.mirrors.body_alignment import AlignedView, BodyMotion, alignment_step
 from nico_selfmodel.estimation.mirrors.mark_place import (
     GATE_3,
     NOT_ON_ME,
@@ -244,6 +240,7 @@ def test_a_body_that_looks_turned_is_told_by_how_much():
     assert abs(found.change[:3]).max() < 1e-5
 
 
+@pytest.mark.slow
 def test_shades_that_lie_elsewhere_are_told_from_a_body_that_is_turned():
     v, u = np.mgrid[0:480, 0:640].astype(float)
     inside = np.hypot(u - 320, v - 240) < 120

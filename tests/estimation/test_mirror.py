@@ -24,17 +24,8 @@ from nico_selfmodel.model.cameras.mirror_rig import MirrorRig, reflected_project
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 
-from .mirror_scenes import (
-    CHAIN,
-    MIRROR,
-    RIG,
-    SECOND,
-    angle_deg,
-    body,
-    poses,
-    recording,
-    together,
-)
+from ..slow_rest import slow_rest
+from .mirror_scenes import CHAIN, MIRROR, RIG, SECOND, angle_deg, body, poses, recording, together
 
 mirrors = st.builds(
     lambda x, y, d: Mirror.from_values([*np.radians([x, y]), d]),
@@ -179,6 +170,7 @@ def _misled(model: SelfModel, rng: np.random.Generator) -> SelfModel:
     return replace(model, table=arm.table, servo_map=arm.servos, cameras=cameras)
 
 
+@pytest.mark.slow
 def test_an_uncertain_arm_makes_an_uncertain_mirror_that_more_poses_do_not_cure():
     data = recording(poses(40))
     plain = calibrate_mirrors(data, body())
@@ -438,7 +430,7 @@ def test_reflections_of_one_mirror_can_be_taken_out():
     assert wall.shared.by_parameter.shape[0] == 3
 
 
-@pytest.mark.parametrize("kind", ["fisheye", "rational"])
+@pytest.mark.parametrize("kind", slow_rest(["fisheye", "rational"]))
 def test_wide_cameras_find_a_mirror_and_say_how_surely(kind):
     bends = {"fisheye": {"k1": 0.03, "k2": -0.01}, "rational": {"k1": 0.6, "k4": 0.8}}[kind]
     inside = {"fx": 500.0, "fy": 500.0, "cx": RIG.left.cx, "cy": RIG.left.cy}

@@ -13,6 +13,7 @@ from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.systems.simulated.curved_mirror import curved_reflection
 
+from ..slow_rest import slow_rest
 from .mirror_scenes import CHAIN, MIRROR, RIG, body, poses, recording
 
 NOISE = ReflectionNoise(0.3, 0.0)
@@ -177,7 +178,7 @@ def test_joints_that_err_alike_in_neighbouring_poses_do_not_bend_a_mirror():
     assert alarms["drawn anew"] > 4
 
 
-@pytest.mark.parametrize("radius", [3.0, -3.0])
+@pytest.mark.parametrize("radius", slow_rest([-3.0, 3.0]))
 def test_a_bent_mirror_is_recognised_by_joints_that_err_alike(radius):
     noise = ReflectionNoise(0.3, np.radians(0.5))
     for seed in range(10):

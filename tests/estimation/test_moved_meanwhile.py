@@ -15,10 +15,7 @@ from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE
 from nico_selfmodel.estimation.tree import tree_findings
 from nico_selfmodel.estimation.tree.forward.joint_errors import MOST_SLIPS
 from nico_selfmodel.estimation.tree.timing import moved_meanwhile as module
-from nico_selfmodel.estimation.tree.timing.moved_meanwhile import (
-    LEAST_RATIO,
-    moved_meanwhile,
-)
+from nico_selfmodel.estimation.tree.timing.moved_meanwhile import LEAST_RATIO, moved_meanwhile
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_of
 from nico_selfmodel.geometry.transform import transform
@@ -220,9 +217,10 @@ def test_a_jump_in_a_smooth_recording_is_named_though_its_joints_noise_explains_
     assert verdict.reasons[0].startswith("the encoder of 'j2' jumped by about 1.2 deg after")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "said"),
-    slow_rest([(2, "jumped by about 3 deg after sample 32"), *((s, "jumped by") for s in (6, 7))]),
+    [(2, "jumped by about 3 deg after sample 32"), (6, "jumped by"), (7, "jumped by")],
 )
 def test_a_jump_is_named_though_its_joint_would_be_read_wrongly_in_most_poses(seed, said):
     made = one_arm(seed, joints=4, markers=2, joint_sigma=np.radians(0.012))

@@ -12,10 +12,7 @@ from nico_selfmodel.estimation.judging import judge, result_of
 from nico_selfmodel.estimation.tree.body_prediction import predict_body
 from nico_selfmodel.estimation.tree.contradictions.no_pose_tells import told_by_no_pose
 from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed
-from nico_selfmodel.estimation.tree.contradictions.unplaced_markers import (
-    hardly_seen,
-    seldom_seen,
-)
+from nico_selfmodel.estimation.tree.contradictions.unplaced_markers import hardly_seen, seldom_seen
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations

@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.dataset import Dataset
-from nico_selfmodel.estimation.diagnosis.outliers_in_time import (
-    LARGEST_CHANCE,
-    outliers_in_time,
-)
+from nico_selfmodel.estimation.diagnosis.outliers_in_time import LARGEST_CHANCE, outliers_in_time
 from nico_selfmodel.estimation.observations.observations import Observations
 
 POSES = 60

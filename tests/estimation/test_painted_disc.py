@@ -95,7 +95,8 @@ CASES = {
 """Solids, a place on them, and how far off the middle of what is seen there is at least [mm]."""
 
 
-@pytest.mark.parametrize("case", slow_rest(CASES))
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
 def test_the_middle_is_that_of_the_disc_not_of_what_is_seen_of_it(case):
     solids, x, least = CASES[case]
     along = tangent_basis(normals_of_solids(solids, x[None])[0]).T

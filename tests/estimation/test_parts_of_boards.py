@@ -56,7 +56,7 @@ def moves(found, true):
     return np.array(maps)
 
 
-@pytest.mark.parametrize("seed", slow_rest(range(12), plain=2))
+@pytest.mark.parametrize("seed", slow_rest(range(12)))
 @pytest.mark.parametrize("cameras", [(1,), (0, 1)], ids=["one", "both"])
 @pytest.mark.parametrize("share", [0.5, 1.0], ids=["some", "all"])
 def test_parts_lie_where_both_cameras_see_one_board(seed, cameras, share):

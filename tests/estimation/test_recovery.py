@@ -52,7 +52,7 @@ def train_and_test(truth, joined, *, sweeps=True, count=None, **noise):
             (7, "rad", "elbow", 1),
             (7, "counts", "parallel", 3),
         ],
-        plain=4,
+        plain=2,
     ),
 )
 def test_an_arm_is_recovered_from_sweeps_and_free_poses(make_truth, joined, n, unit, kind, markers):

@@ -119,6 +119,7 @@ def test_derivatives_by_every_camera_agree_with_differences():
         assert by_shared[:, k] / scale == pytest.approx(slope / scale, abs=2e-5), name
 
 
+@pytest.mark.slow
 def test_a_rig_in_another_order_is_the_same_rig():
     _, views = scene(3)
     found = calibrate_cameras(views)

@@ -87,6 +87,7 @@ def test_many_small_slips_are_found_together():
     assert np.mean(alarms) < 0.02
 
 
+@pytest.mark.slow
 def test_a_joint_that_few_visits_show_is_found_to_slip_as_well():
     named = 0
     for seed in range(6):

@@ -6,12 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.errors import (
-    DataError,
-    EstimationError,
-    NotIdentifiableError,
-    SelfModelError,
-)
+from nico_selfmodel.errors import DataError, EstimationError, NotIdentifiableError, SelfModelError
 from nico_selfmodel.estimation.cameras.board_accuracy import epipolar_errors, held_out_residuals
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_initialization import pose_of_seen_boards
@@ -23,18 +18,7 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 from ..slow_rest import slow_rest
 from .real_boards import stereo_chessboard
-from .simulated_boards import (
-    LEFT,
-    P_GQ,
-    RIG,
-    RIGHT,
-    SIZE,
-    TRUTH,
-    boards,
-    changed,
-    pictures,
-    unseen,
-)
+from .simulated_boards import LEFT, P_GQ, RIG, RIGHT, SIZE, TRUTH, boards, changed, pictures, unseen
 
 SIGMA = 0.2
 PLAIN = CameraOptions(loss="none")
@@ -323,6 +307,7 @@ def test_the_real_pair_fits_and_has_its_baseline(real_data_folder):
     assert found.rig.epipolar_errors(views.pixels.reshape(-1, 4)).mean() <= 0.27
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_small_boards_far_away_start_badly_and_end_well(seed):
     """Each camera alone hardly knows its principal point then: no sign of pairs mixed up."""

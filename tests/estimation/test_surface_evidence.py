@@ -65,8 +65,9 @@ def views(strengths, rng, surprise=3.0):
     for k, strength in enumerate(strengths):
         look, side = divmod(k, 2)
         depth, labels = geometry(look, side)
-        off = np.sqrt(surprise / 3.0) * rng.standard_normal((*SHAPE, 3))
-        off[labels != HEAD] = np.nan
+        off = np.full((*SHAPE, 3), np.nan)
+        own = labels == HEAD
+        off[own] = np.sqrt(surprise / 3.0) * rng.standard_normal((own.sum(), 3))
         pixels = MIRRORS[look].project(apply(X_WH, MARK[None])[0]).reshape(2, 2)[side]
         rows, columns = np.ogrid[: SHAPE[0], : SHAPE[1]]
         near = np.hypot(columns - pixels[0], rows - pixels[1]) < 3.0

@@ -8,10 +8,7 @@ import pytest
 from nico_selfmodel.errors import DataError, NotConvergedError
 from nico_selfmodel.estimation.bending.effect_sums import Reduced
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
-from nico_selfmodel.estimation.tree.contradictions.ran_away import (
-    check_that_it_stayed,
-    too_short,
-)
+from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed, too_short
 from nico_selfmodel.estimation.tree.guesses.told_frames import exchanged_parts, framed, told_size
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
@@ -47,6 +44,7 @@ def with_known_markers(sim):
     return replace(sim.data, markers=markers)
 
 
+@pytest.mark.slow
 def test_markers_of_known_place_on_a_moving_link_tell_cameras_all_lengths():
     sim = one_arm(0, joints=3, markers=3, poses=30, sensor="camera", joint_sigma=np.radians(0.1))
     found = learned(with_known_markers(sim))
@@ -95,6 +93,7 @@ def test_a_prior_of_one_coordinate_chooses_the_frame_too(tracked, alone):
     assert found.solution.cost == pytest.approx(alone.solution.cost, abs=0.6)
 
 
+@pytest.mark.slow
 def test_what_nothing_tells_is_not_held_where_a_guess_has_it(tracked):
     with pytest.raises(ValueError, match=r"nothing tells hand_tag0\.z.*--fix hand_tag0\.z=VALUE"):
         learned(tracked.data, {"hand_tag0.z": None})

@@ -234,6 +234,7 @@ def test_a_tip_is_learned_though_points_of_the_hand_are_seen_beside_it(model, ti
         calibrate_tool(model, both, tool="nonsense")
 
 
+@pytest.mark.slow
 def test_zeros_where_all_was_set_aside_are_not_said_to_fit(model):
     data = points_only(poses(body(), 6))
     rng = np.random.default_rng(8)

@@ -259,7 +259,7 @@ def test_about_joint_errors_all_is_linear_where_the_joints_are_then(which, reque
         assert linear.by_joint[:, m] == pytest.approx(slope, abs=2e-6 * (1.0 + np.abs(slope).max()))
 
 
-@pytest.mark.parametrize("which", ["scene", "mirrored", "touched"])
+@pytest.mark.parametrize("which", slow_rest(["mirrored", "scene", "touched"]))
 def test_small_changes_are_retold_from_the_frames_that_values_lead_to(which, request):
     _, parameters, x = request.getfixturevalue(which)
     there = TreeParameters(parameters.tree_of(x))

@@ -99,6 +99,7 @@ def test_learned_arms_plan_and_fall_in_a_plant_of_ones_own(run):
     assert "6 and 4 learned joints fell" in out
 
 
+@pytest.mark.slow
 def test_directives_name_a_learned_arm_and_the_model_visualizer_shows_it(run, tmp_path_factory):
     arm, ones = ArmDescription.named("nico", "right_arm"), [1.0] * 4
     servos = ServoMap(arm.joints, [0.0] * 4, ones, ("rad",) * 4, [float("nan")] * 4, ones)

@@ -7,12 +7,7 @@ import pytest
 
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.experiments.mirror_test import marks, painting
-from nico_selfmodel.experiments.mirror_test.painting import (
-    MARK,
-    SHAM_PAINT,
-    NoPlaceError,
-    Painter,
-)
+from nico_selfmodel.experiments.mirror_test.painting import MARK, SHAM_PAINT, NoPlaceError, Painter
 
 PLACES = np.array([[0.0, 0.0, 0.1], [0.0, 0.0, 0.2], [0.0, 0.0, 0.3]])
 NOISE = 2.0

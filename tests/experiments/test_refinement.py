@@ -24,6 +24,8 @@ from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
 
+from ..slow_rest import slow_rest
+
 PLAY = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
 
 
@@ -150,7 +152,7 @@ def test_the_mechanics_leave_play_and_the_tracker_and_no_body_does_better(refine
     assert rows[-1][2] == f"{limit.px[0]:.2f} ({limit.px[1]:.2f})"
 
 
-@pytest.mark.parametrize("sag", [0.0, 2.0])
+@pytest.mark.parametrize("sag", slow_rest([2.0, 0.0]))
 def test_a_body_without_play_that_knows_itself_is_left_with_its_tracker(sag):
     """0.3 px in each coordinate are 0.376 px on average; how a joint sags can be known."""
     world = replace(IMPERFECTIONS["clean"], play=0.0, sag=np.radians(sag))

@@ -138,6 +138,7 @@ def test_the_true_arm_comes_to_the_place_but_for_its_joints_and_what_is_asked_fo
     assert judge.go(plan, above, normal, rng).gap == pytest.approx(0.05, abs=0.012)
 
 
+@pytest.mark.slow
 def test_places_near_the_finger_lie_on_the_surface(robot):
     planner, _ = robot
     found = places_near(planner, 200, np.random.default_rng(6))

@@ -8,12 +8,7 @@ import sys
 import pytest
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.files.csv_rows import (
-    MOST_CELLS,
-    MOST_COLUMNS,
-    number_of_word,
-    rows_of_text,
-)
+from nico_selfmodel.files.csv_rows import MOST_CELLS, MOST_COLUMNS, number_of_word, rows_of_text
 from nico_selfmodel.files.json_text import parse_json
 from nico_selfmodel.files.reading import read_bytes, read_text, real_path
 

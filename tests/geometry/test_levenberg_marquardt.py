@@ -3,11 +3,7 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.least_squares import (
-    damped_step,
-    levenberg_marquardt,
-    levenberg_marquardt_each,
-)
+from nico_selfmodel.least_squares import damped_step, levenberg_marquardt, levenberg_marquardt_each
 
 
 def normal_equations(residuals, scale=1.0):

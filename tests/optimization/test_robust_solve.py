@@ -11,6 +11,7 @@ from nico_selfmodel.optimization.losses import Loss
 from nico_selfmodel.optimization.residual_block import remembers_last
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS, RobustSolution, solve_robustly
 
+from ..slow_rest import slow_rest
 from .dense_jacobian import whitened_jacobian
 
 SIGMA = 0.01
@@ -92,15 +93,18 @@ def test_outliers_are_named_and_the_solution_is_that_of_the_others(make_case, fr
 
 @pytest.mark.parametrize(
     ("method", "fraction", "limit"),
-    [
-        ("trimmed", 0.1, 1.25),
-        ("trimmed", 0.3, 1.35),
-        ("tukey", 0.1, 1.25),
-        ("tukey", 0.3, 1.4),
-        ("cauchy", 0.1, 1.3),
-        ("cauchy", 0.3, 1.5),
-        ("huber", 0.1, 1.7),
-    ],
+    slow_rest(
+        [
+            ("trimmed", 0.3, 1.35),
+            ("tukey", 0.3, 1.4),
+            ("cauchy", 0.3, 1.5),
+            ("huber", 0.1, 1.7),
+            ("trimmed", 0.1, 1.25),
+            ("tukey", 0.1, 1.25),
+            ("cauchy", 0.1, 1.3),
+        ],
+        plain=4,
+    ),
 )
 def test_a_robust_loss_keeps_the_accuracy_of_clean_data(make_case, method, fraction, limit):
     clean = errors(make_case, "none", 0.0)

@@ -244,6 +244,7 @@ def test_toppra_keeps_the_learned_hand_below_its_speed(own_diagram):
     assert 0.2 < speed.max() < 0.26
 
 
+@pytest.mark.slow
 def test_arms_fall_onto_the_table_in_time(own_diagram):
     plant, diagram, (ur, _) = own_diagram()
     simulator = Simulator(diagram)

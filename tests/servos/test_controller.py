@@ -443,7 +443,7 @@ def test_a_joint_that_holds_with_a_fault_can_be_connected_and_enabled_again(virt
     assert virtual.arm.cycle().enabled.all()
 
 
-@pytest.mark.parametrize("seed", slow_rest(range(8), plain=2))
+@pytest.mark.parametrize("seed", slow_rest(range(8)))
 def test_a_host_that_dies_after_any_motions_leaves_an_arm_that_stops_in_time(seed):
     """Also where a fast motion was just replaced by a slow one, ahead of the joint or behind it."""
     rng = np.random.default_rng((3, seed))

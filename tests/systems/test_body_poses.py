@@ -50,6 +50,7 @@ def test_what_no_pose_shows_is_said(monkeypatch):
         view.poses(["behind"], 1, 2, np.random.default_rng(0))
 
 
+@pytest.mark.slow
 def test_cards_that_pictures_shall_show_face_the_cameras_near_enough_and_nothing_hides_them():
     body = looking_body()
     view = BodyView(body, room(), RENDERED)

@@ -80,6 +80,7 @@ def test_a_station_that_was_closed_refuses_every_port(plate):
             ask()
 
 
+@pytest.mark.slow
 def test_a_diagram_whose_station_was_closed_does_not_go_on():
     builder = DiagramBuilder()
     station = builder.AddSystem(NicoStation("thesis", 3, quality=ROUGH))

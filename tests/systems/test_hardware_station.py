@@ -10,10 +10,7 @@ from pydrake.systems.framework import PortDataType
 
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.servos import ArmController, JointServo, ServoConfig, SimulatedBus
-from nico_selfmodel.servos.arm.servo_config_file import (
-    load_servo_config,
-    save_servo_config,
-)
+from nico_selfmodel.servos.arm.servo_config_file import load_servo_config, save_servo_config
 from nico_selfmodel.servos.arm.zeroing import zero_here
 from nico_selfmodel.servos.bus_settings import BusSettings
 from nico_selfmodel.systems.hardware.camera_driver import CameraDriver

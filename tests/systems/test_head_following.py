@@ -61,6 +61,7 @@ def test_the_hand_is_near_the_middle_of_the_images_with_some_of_the_room_beside_
     assert all(view.free(q, [HAND]) for q in planned)
 
 
+@pytest.mark.slow
 def test_joints_that_gaze_leaves_over_stand_in_many_ways(planned):
     body = WHOLE.body
     share = (planned - body.lower) / (body.upper - body.lower)

@@ -121,6 +121,7 @@ def test_a_block_through_the_glass_shows_its_front_and_the_reflection_of_its_fro
     assert all(0 < one < other for one, other in zip(block, twice, strict=True))
 
 
+@pytest.mark.slow
 def test_a_plate_seen_edge_on_shows_nothing_and_from_behind_only_its_back(world, without):
     plain = without.look(X_LC=card(HAND))
     X_LM = plate_pose(MIRROR)
@@ -137,6 +138,7 @@ def test_a_plate_seen_edge_on_shows_nothing_and_from_behind_only_its_back(world,
         assert isinstance(reflected, NotSeen)
 
 
+@pytest.mark.slow
 def test_a_mirror_that_is_moved_through_its_port_shows_the_marker_elsewhere(world, without):
     found = []
     for tilt in (-12.0, -6.0):

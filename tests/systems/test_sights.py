@@ -1,5 +1,7 @@
 """A tracker that is shown what is about its marks alone finds them as in the whole picture."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from pydrake.geometry import FrameId
@@ -11,20 +13,21 @@ from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality, Stereo
 from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
 
+from ..slow_rest import slow_rest
 from .test_stereo_cameras import SMALL
 
 POSES = np.radians([[-30.0, 50.0, 0.0, -70.0], [-20.0, 30.0, 10.0, -60.0]])
 
 
-@pytest.fixture(scope="module")
-def looked():
-    """Return whole pictures, sights and pixels of both cameras at two poses."""
-    found = []
+@cache
+def looked(pose):
+    """Return whole pictures, sights and pixels of both cameras at a pose."""
+    found, poses = [], POSES[pose : pose + 1]
     with NicoStation("thesis", 1) as nico:
         body = StationBody(nico, nico.joints, nico.tracked)
         cameras, tracker = (nico.GetSubsystemByName(name) for name in ("cameras", "tracker"))
         context = cameras.GetMyContextFromRoot(body.context)
-        for command in commands_of_angles(nico.joints, nico.arm.lower, nico.arm.upper, POSES):
+        for command in commands_of_angles(nico.joints, nico.arm.lower, nico.arm.upper, poses):
             pixels = body.move_and_measure(command).pixels
             for k, side in enumerate(("left", "right")):
                 whole, sight = (
@@ -41,8 +44,9 @@ def looked():
 
 
 @pytest.mark.slow
-def test_about_the_marks_both_pictures_are_the_same_to_the_last_bit(looked):
-    for whole, sight, pixels, _ in looked:
+@pytest.mark.parametrize("pose", [0, 1])
+def test_about_the_marks_both_pictures_are_the_same_to_the_last_bit(pose):
+    for whole, sight, pixels, _ in looked(pose):
         for point, (u, v) in pixels.items():
             reach = {"fiducial": 30, "finger_tip": 14}[point]
             rows, columns = np.indices(whole.shape[:2])
@@ -50,16 +54,17 @@ def test_about_the_marks_both_pictures_are_the_same_to_the_last_bit(looked):
             assert np.array_equal(whole[near], sight[near])
 
 
-def test_the_rest_is_plain_and_of_the_rooms_colour(looked):
-    for whole, sight, _, _ in looked[:2]:
+def test_the_rest_is_plain_and_of_the_rooms_colour():
+    for whole, sight, _, _ in looked(0):
         differs = (whole != sight).any(axis=2)
         assert 0.01 < differs.mean() < 0.4  # the arm is missing
         plain = sight[differs].mean(axis=0)
         assert np.abs(plain - whole[:40, :40].reshape(-1, 3).mean(axis=0)).max() < 0.3
 
 
-def test_marks_are_found_where_the_whole_picture_shows_them(looked):
-    for whole, _, pixels, finders in looked:
+@pytest.mark.parametrize("pose", slow_rest([0, 1]))
+def test_marks_are_found_where_the_whole_picture_shows_them(pose):
+    for whole, _, pixels, finders in looked(pose):
         for point, find in finders.items():
             assert np.array_equal(find(whole.astype(np.uint8)), pixels[point])
 

@@ -106,6 +106,7 @@ def test_noise_is_as_strong_as_asked_and_spares_the_background_colour():
     assert away.mean() == pytest.approx(0.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_leaving_out_the_background_changes_nothing_to_see():
     world = CardWorld(SMALL, ImageQuality(2, noise=0.0))
     world.place(BEFORE)

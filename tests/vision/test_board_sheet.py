@@ -20,7 +20,7 @@ SHEETS = {
 }
 
 
-@pytest.mark.parametrize("text", slow_rest(reversed(SHEETS), plain=3))
+@pytest.mark.parametrize("text", slow_rest(reversed(SHEETS), plain=2))
 def test_a_printed_board_is_seen_at_its_size(text, tmp_path):
     board = board_of(text, SHEETS[text])
     BoardSheet(board).save(tmp_path / "board.png", dpi=DPI)

@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.vision.boards.board_detections import (
-    detect_boards,
-    detect_boards_of_cameras,
-)
+from nico_selfmodel.vision.boards.board_detections import detect_boards, detect_boards_of_cameras
 from nico_selfmodel.vision.boards.board_images import stereo_pairs
 from nico_selfmodel.vision.boards.chessboard import Board, BoardDetection, find_chessboard
 from nico_selfmodel.vision.images.image_file import read_image
@@ -81,7 +78,7 @@ def test_the_right_camera_keeps_its_order_where_the_board_tells_it():
     np.testing.assert_array_equal(BOARD.same_order(left, left[::-1]), left[::-1])
 
 
-@pytest.mark.parametrize("size", slow_rest(["3x3", "8x6", "10x5", "7x4"], plain=2))
+@pytest.mark.parametrize("size", slow_rest(["3x3", "8x6", "10x5", "7x4"]))
 def test_a_part_that_is_more_than_the_board_has_is_not_seen(size):
     image = rendered(9, 6, 3, tilt=0.3).image
     seen = find_chessboard(image, Board.parse(size, 25), window=5)

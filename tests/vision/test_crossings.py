@@ -7,6 +7,8 @@ import pytest
 from nico_selfmodel.vision.boards.crossings import Crossings, straightened
 from nico_selfmodel.vision.boards.exact_corners import located
 
+from ..slow_rest import slow_rest
+
 FINE, SIDE, MIDDLE = 8, 61, 30.0
 PHASES = [(0.0, 0.0), (0.13, 0.4), (-0.3, 0.21), (0.45, -0.37)]
 
@@ -35,7 +37,7 @@ def places(images, radius, start=(0.0, 0.0)):
     return np.array(found) - MIDDLE
 
 
-@pytest.mark.parametrize("radius", [3.0, 5.0, 9.0])
+@pytest.mark.parametrize("radius", slow_rest([5.0, 3.0, 9.0]))
 @pytest.mark.parametrize("turn", [0.0, 0.3, 0.7])
 def test_a_crossing_is_located_alike_wherever_in_its_pixel_it_lies(radius, turn):
     found = places([drawn(at, turn) for at in PHASES], radius, start=(0.8, -0.7))

@@ -36,7 +36,7 @@ def centroid_near(picture, pixel, reach=11):
     return np.array([(part * u).sum(), (part * v[:, None]).sum()]) / part.sum()
 
 
-@pytest.mark.parametrize("supersample", slow_rest([1, 2, 3], plain=2))
+@pytest.mark.parametrize("supersample", slow_rest([1, 2, 3]))
 def test_spots_land_where_the_camera_projects_them(supersample):
     warp = LensWarp.from_camera(CAMERA, supersample)
     x, y = np.meshgrid(np.linspace(-0.6, 0.6, 5), np.linspace(-0.45, 0.45, 4))
@@ -84,7 +84,10 @@ def test_no_sampling_and_too_much_of_it_are_refused():
             LensWarp.from_camera(camera, samples)
 
 
-@pytest.mark.parametrize("window", [(300, 200, 500, 420), (0, 0, 64, 64), (700, 500, 702, 501)])
+@pytest.mark.parametrize(
+    "window",
+    slow_rest(map(pytest.param, [(300, 200, 500, 420), (0, 0, 64, 64), (700, 500, 702, 501)])),
+)
 @pytest.mark.parametrize("k1", slow_rest([-0.28, -0.6]))
 def test_a_part_of_a_picture_is_bent_as_the_whole_is(window, k1):
     warp = LensWarp.from_camera(Camera(400.0, 400.0, 199.5, 149.5, (400, 300), k1=k1))

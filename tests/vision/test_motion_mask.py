@@ -22,6 +22,7 @@ def test_noise_is_not_motion_whatever_its_size(noise):
     assert alarms == 0
 
 
+@pytest.mark.slow
 def test_one_still_cell_in_more_than_a_million_seems_to_move():
     # Of noise of 2 grey levels; the mean of 768 squares is a chi-square, and skew.
     still, count = 8.0, CELL * CELL * 3

@@ -1,5 +1,6 @@
 """Chessboards of which a part is seen: behind a hand, or out of the picture."""
 
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -64,6 +65,7 @@ def test_parts_are_found_where_they_are_and_as_often_as_by_opencv(lens, count):
     assert np.sqrt(np.mean(off**2)) < 0.1
 
 
+@cache
 def shown(seed=4, hidden=0.0, fill=0.7):
     rng = np.random.default_rng(seed)
     return photographed(PRINT, BOARD.points, rng, tilt=0.3, fill=fill, hidden=hidden)

@@ -55,6 +55,7 @@ def test_the_middle_is_where_it_is_and_as_well_known_as_is_said(edge):
     assert np.mean(np.square(off) / (np.square(sigmas) + 0.08**2)[:, None]) < 1.5
 
 
+@pytest.mark.slow
 def test_a_disc_that_is_seen_at_a_slant_is_an_ellipse_with_the_same_middle():
     rng, off = np.random.default_rng(5), []
     for _ in range(20):

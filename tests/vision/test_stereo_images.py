@@ -5,10 +5,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.vision.boards.board_detections import (
-    detect_boards,
-    detect_boards_of_cameras,
-)
+from nico_selfmodel.vision.boards.board_detections import detect_boards, detect_boards_of_cameras
 from nico_selfmodel.vision.boards.board_images import camera_images, stereo_pairs
 from nico_selfmodel.vision.boards.chessboard import Board
 

@@ -23,6 +23,8 @@ from nico_selfmodel.viz.figures.parameter_plots import (
 from nico_selfmodel.viz.figures.plot_style import image_bytes, log_ticks, style
 from nico_selfmodel.viz.reports.inline_figure import InlineFigure
 
+from ..slow_rest import slow_rest
+
 
 def correlations_drawn(calibration):
     return correlations(calibration.uncertainty)
@@ -246,7 +248,7 @@ def test_factors_and_steps_are_round():
     assert [short(x) for x in (0.0876, 2.6, 114.2)] == ["0.088", "2.6", "110"]
 
 
-@pytest.mark.parametrize("highest", [1.5, 3.0, 7.6, 90.0, 2e3, 1e12])
+@pytest.mark.parametrize("highest", slow_rest([1.5, 2e3, 3.0, 7.6, 90.0, 1e12], plain=2))
 def test_a_logarithmic_axis_has_plain_ticks_however_little_it_spans(highest):
     with style():
         figure = Figure()

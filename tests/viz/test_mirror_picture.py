@@ -70,6 +70,7 @@ def test_the_glass_of_a_scene_carries_the_picture_and_rays_go_to_its_hand(seen):
     assert not plain.under("mirrors/near/picture")
 
 
+@pytest.mark.slow
 def test_the_robot_stands_upright_before_its_mirror(seen):
     data, model = seen
     arm = ArmDescription.named("nico")

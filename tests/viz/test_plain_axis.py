@@ -15,6 +15,8 @@ from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
 from nico_selfmodel.viz.figures.layout.widths_of_text import width_of
 from nico_selfmodel.viz.figures.plot_style import image_bytes, log_ticks, style
 
+from ..slow_rest import slow_rest
+
 _TEXT = re.compile(r"<text[^>]*>([^<]*)</text>")
 _PLACE = re.compile(r'(?:x="([-\d.]+)" y="([-\d.]+)")|(?:translate\(([-\d.]+) ([-\d.]+)\))')
 
@@ -83,7 +85,7 @@ def plain_svg(figure):
     return file.getvalue()
 
 
-@pytest.mark.parametrize("draw", KINDS)
+@pytest.mark.parametrize("draw", slow_rest(KINDS, plain=2))
 def test_labels_stand_where_matplotlib_writes_them(draw):
     ours, theirs = written(drawn(PlainFigure, draw)), written(drawn(Figure, draw))
     assert [text for text, _ in ours] == [text for text, _ in theirs]
@@ -92,7 +94,7 @@ def test_labels_stand_where_matplotlib_writes_them(draw):
         assert place == pytest.approx(expected, abs=0.8), text
 
 
-@pytest.mark.parametrize("draw", KINDS)
+@pytest.mark.parametrize("draw", slow_rest(KINDS, plain=2))
 def test_pictures_are_those_that_matplotlib_draws(draw):
     ours, theirs = (np.asarray(pixels(drawn(kind, draw)), float) for kind in (PlainFigure, Figure))
     assert np.ptp(theirs) > 200.0

@@ -6,6 +6,8 @@ import pytest
 from nico_selfmodel.viz.figures.mirror_test.surprise_plot import surprise_plot
 from nico_selfmodel.viz.figures.plot_style import image_bytes
 
+from ..slow_rest import slow_rest
+
 _IMAGE = (480, 640)
 
 
@@ -25,7 +27,7 @@ def drawn(first, second):
     return figure, panels
 
 
-@pytest.mark.parametrize(("width", "height"), [(90, 220), (200, 200), (200, 170)])
+@pytest.mark.parametrize(("width", "height"), slow_rest([(90, 220), (200, 200), (200, 170)]))
 def test_pictures_fill_their_figure_and_begin_and_end_together(width, height):
     figure, panels = drawn(look(100, 50, width, height), look(120, 60, width + 14, height - 6))
     boxes = [axes.get_window_extent() for axes in panels]

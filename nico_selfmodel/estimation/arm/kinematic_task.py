@@ -22,15 +22,9 @@ from nico_selfmodel.estimation.initialization.nominal_arm import (
     first_joint_zero,
     nominal_start,
 )
-from nico_selfmodel.estimation.initialization.start_search import (
-    RANDOM,
-    few_rows,
-)
+from nico_selfmodel.estimation.initialization.start_search import RANDOM, few_rows
 from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
-from nico_selfmodel.estimation.observations.observations import (
-    Observations,
-    gears_known,
-)
+from nico_selfmodel.estimation.observations.observations import Observations, gears_known
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.names import listed

@@ -22,10 +22,7 @@ from nico_selfmodel.estimation.bending.bending_arm import BendingArm
 from nico_selfmodel.estimation.bending.ladder import Ladder, climb
 from nico_selfmodel.estimation.bending.steps import STEPS
 from nico_selfmodel.estimation.bending.what_bends import At, arm_at
-from nico_selfmodel.estimation.diagnosis.changes_in_time import (
-    Change,
-    change_in_time,
-)
+from nico_selfmodel.estimation.diagnosis.changes_in_time import Change, change_in_time
 from nico_selfmodel.estimation.diagnosis.fault_hypotheses import (
     Causes,
     causes_of_misfit,

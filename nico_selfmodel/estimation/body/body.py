@@ -25,11 +25,7 @@ from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.body.body_cross_validation import cross_validate_body
 from nico_selfmodel.estimation.body.body_initialization import body_start, lines_of, named_like
 from nico_selfmodel.estimation.body.body_options import BodyOptions
-from nico_selfmodel.estimation.body.body_problem import (
-    BodyProblem,
-    arm_and_cameras,
-    outlier_rows,
-)
+from nico_selfmodel.estimation.body.body_problem import BodyProblem, arm_and_cameras, outlier_rows
 from nico_selfmodel.estimation.body.body_uncertainty import (
     body_uncertainty,
     noise_sigmas,
@@ -47,10 +43,7 @@ from nico_selfmodel.estimation.noise.hand_observations import JOINT_SIGMA
 from nico_selfmodel.estimation.noise.training_noise import with_training_noise
 from nico_selfmodel.estimation.observations.observations import gears_known
 from nico_selfmodel.estimation.observations.parameter_scales import arm_size
-from nico_selfmodel.estimation.observations.pixel_evaluation import (
-    PixelEvaluation,
-    evaluate_pixels,
-)
+from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation, evaluate_pixels
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.estimation.results.provenance import data_named, package_versions
 from nico_selfmodel.estimation.tree.bending_tree import TreeBend

@@ -8,10 +8,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.bending.ladder import Ladder
 from nico_selfmodel.estimation.bending.what_bends import At, arm_at
 from nico_selfmodel.estimation.body.body_options import BodyOptions
-from nico_selfmodel.estimation.body.workspace_accuracy import (
-    WorkspaceAccuracy,
-    workspace_accuracy,
-)
+from nico_selfmodel.estimation.body.workspace_accuracy import WorkspaceAccuracy, workspace_accuracy
 from nico_selfmodel.estimation.cameras.board_check import BoardCheck
 from nico_selfmodel.estimation.noise.hand_noise import HandNoise
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation

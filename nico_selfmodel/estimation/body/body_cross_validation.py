@@ -8,10 +8,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.body.arm_parameters import ArmParameters
 from nico_selfmodel.estimation.body.seen_body import SeenBody
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
-from nico_selfmodel.estimation.observations.pixel_observations import (
-    PixelObservations,
-    seen_points,
-)
+from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations, seen_points
 from nico_selfmodel.estimation.results.folds import FOLDS, Fold, cross_validate, fold_of, splits
 from nico_selfmodel.estimation.tree.bending_tree import TreeBend
 from nico_selfmodel.estimation.tree.tree_errors import WithoutFold

@@ -19,10 +19,7 @@ from nico_selfmodel.estimation.noise.training_noise import with_training_noise
 from nico_selfmodel.estimation.observations.hand_rows import project_to_cameras
 from nico_selfmodel.estimation.observations.matching import check_images
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.estimation.observations.pixel_evaluation import (
-    PixelEvaluation,
-    evaluate_pixels,
-)
+from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation, evaluate_pixels
 from nico_selfmodel.estimation.results.calibration_result import (
     LAST,
     WARNING,

@@ -10,10 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.board_views import BoardViews
-from nico_selfmodel.geometry.rotation import (
-    rotation_from_vector,
-    rotation_vector_slope,
-)
+from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_slope
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.arm.line_kinematics import cross
 from nico_selfmodel.model.cameras.camera import Camera

@@ -19,11 +19,7 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 from nico_selfmodel.optimization.losses import Loss
-from nico_selfmodel.optimization.robust_solve import (
-    RobustSolution,
-    solve_robustly,
-    solve_without,
-)
+from nico_selfmodel.optimization.robust_solve import RobustSolution, solve_robustly, solve_without
 from nico_selfmodel.optimization.separable_block import Parts
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 

@@ -8,11 +8,7 @@ from nico_selfmodel.errors import DataError, EstimationError
 from nico_selfmodel.estimation.mirrors.mirror_initialization import virtual_points
 from nico_selfmodel.estimation.mirrors.mirror_solution import solve_mirrors, start_mirrors
 from nico_selfmodel.estimation.mirrors.reflection_residuals import independent_covariance
-from nico_selfmodel.estimation.mirrors.reflections import (
-    ReflectionNoise,
-    Reflections,
-    seen_by_any,
-)
+from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Reflections, seen_by_any
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import GATE_99, projected, reflected_projection
 from nico_selfmodel.model.self_model import SelfModel

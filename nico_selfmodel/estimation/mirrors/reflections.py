@@ -7,9 +7,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError, ModelError
-from nico_selfmodel.estimation.observations.matching import (
-    reading_columns,
-)
+from nico_selfmodel.estimation.observations.matching import reading_columns
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.arm.dh_parameters import slopes_by_angle
 from nico_selfmodel.model.cameras.camera import Camera

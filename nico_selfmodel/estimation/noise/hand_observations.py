@@ -15,10 +15,7 @@ from nico_selfmodel.estimation.noise.hand_noise import HandNoise, whitening_of
 from nico_selfmodel.estimation.observations.hand_rows import HandPixels, HandPoints, HandRows
 from nico_selfmodel.estimation.observations.matching import check_markers
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.estimation.observations.pixel_observations import (
-    PixelObservations,
-    columns_of,
-)
+from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations, columns_of
 from nico_selfmodel.model.arm.bending import BACKLASH
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel

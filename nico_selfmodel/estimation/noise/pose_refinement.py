@@ -23,10 +23,7 @@ from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.noise.variance_components import LinearResiduals
 from nico_selfmodel.estimation.observations.hand_residuals import DhResiduals
-from nico_selfmodel.estimation.observations.observations import (
-    Observations,
-    gears_known,
-)
+from nico_selfmodel.estimation.observations.observations import Observations, gears_known
 from nico_selfmodel.least_squares import NormalEquations
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution

@@ -8,13 +8,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.of_tree import marker_infos
-from nico_selfmodel.dataset.body.sensors import (
-    DISTANCE,
-    POINTS,
-    POSES,
-    SIGHTS,
-    TOUCHES,
-)
+from nico_selfmodel.dataset.body.sensors import DISTANCE, POINTS, POSES, SIGHTS, TOUCHES
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.results.folds import FOLDS, Fold, cross_validate, fold_of, told_step
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals

@@ -28,10 +28,7 @@ from nico_selfmodel.estimation.tree.contradictions.contradiction_words import (
     size_words,
 )
 from nico_selfmodel.estimation.tree.contradictions.exchanged_markers import exchanged_markers
-from nico_selfmodel.estimation.tree.contradictions.flange_words import (
-    both_inverted,
-    flange_misfits,
-)
+from nico_selfmodel.estimation.tree.contradictions.flange_words import both_inverted, flange_misfits
 from nico_selfmodel.estimation.tree.contradictions.heavy_tails import slipping_joints
 from nico_selfmodel.estimation.tree.contradictions.sensor_noise import (
     loose_sigmas,

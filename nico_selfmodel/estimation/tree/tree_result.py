@@ -16,19 +16,11 @@ from nico_selfmodel.estimation.results.calibration_result import (
 )
 from nico_selfmodel.estimation.results.provenance import package_versions
 from nico_selfmodel.estimation.results.unobservable_words import name_unobservable
-from nico_selfmodel.estimation.tree.compared_errors import (
-    COMPARED,
-    errors_of_tree,
-    expected_errors,
-)
+from nico_selfmodel.estimation.tree.compared_errors import COMPARED, errors_of_tree, expected_errors
 from nico_selfmodel.estimation.tree.contradictions.unplaced_markers import in_the_middle
 from nico_selfmodel.estimation.tree.guesses.hand_eye import only_axis
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
-from nico_selfmodel.estimation.tree.tree_findings import (
-    SCALE,
-    alike_errors,
-    tree_findings,
-)
+from nico_selfmodel.estimation.tree.tree_findings import SCALE, alike_errors, tree_findings
 from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, TURNS
 from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.model.tree.body_model import BodyModel

@@ -37,10 +37,7 @@ from nico_selfmodel.experiments.mirror_test.unmarked_report import (
 )
 from nico_selfmodel.plant.touching.touch_planner import CLEAR, LEAN
 from nico_selfmodel.sessions.mirrors.expecting import MOST_UNLIKE
-from nico_selfmodel.sessions.mirrors.mark_finder import (
-    LENS_SIGMA,
-    PIXEL_SIGMA,
-)
+from nico_selfmodel.sessions.mirrors.mark_finder import LENS_SIGMA, PIXEL_SIGMA
 from nico_selfmodel.sessions.mirrors.mirror_looks import COLOR_SIGMA
 from nico_selfmodel.sessions.motion_session import PERIOD
 from nico_selfmodel.viz.reports.experiment_page import ExperimentPage, text_table

@@ -5,11 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.geometry.epipolar import (
-    epipolar_distances,
-    essential,
-    homogeneous,
-)
+from nico_selfmodel.geometry.epipolar import epipolar_distances, essential, homogeneous
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.cameras.camera import Camera

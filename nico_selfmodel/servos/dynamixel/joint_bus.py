@@ -2,11 +2,7 @@
 
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.servos.arm.servo_config import ServoConfig
-from nico_selfmodel.servos.dynamixel.motor import (
-    LARGEST_POSITION,
-    DynamixelMotor,
-    signed,
-)
+from nico_selfmodel.servos.dynamixel.motor import LARGEST_POSITION, DynamixelMotor, signed
 from nico_selfmodel.servos.dynamixel.sdk import DynamixelSdk
 from nico_selfmodel.servos.dynamixel.simulated.servo import DynamixelLine
 from nico_selfmodel.servos.makes import DYNAMIXEL

@@ -42,7 +42,11 @@ def signed(data: bytes | bytearray) -> int:
 
 
 class DynamixelMotor(RegisterMotor):
-    """A servo of the X series. Its profile and its watchdog are its own."""
+    """A servo of the X series. Its profile and its watchdog are its own.
+
+    Raises:
+        BusError: From its methods, if the servo does not answer.
+    """
 
     block = (PROFILE_ACCELERATION, POSITION_TRAJECTORY + 4 - PROFILE_ACCELERATION)
     goal_register = PROFILE_ACCELERATION
@@ -104,21 +108,13 @@ class DynamixelMotor(RegisterMotor):
         )
 
     def recover(self) -> None:
-        """Set the watchdog anew where it has ended: until then the servo takes no goal.
-
-        Raises:
-            BusError: If the servo does not answer.
-        """
+        """Set the watchdog anew where it has ended: until then the servo takes no goal."""
         if self.bus.read(self.address, BUS_WATCHDOG, 1).data[0] == WATCHDOG_ENDED:
             self.watch_over(on=True)
             self.waiting = True
 
     def watch_over(self, *, on: bool) -> None:
-        """Let the servo stop by itself when it hears nothing for the heartbeat.
-
-        Raises:
-            BusError: If the servo does not answer.
-        """
+        """Let the servo stop by itself when it hears nothing for the heartbeat."""
         self.bus.write(self.address, BUS_WATCHDOG, b"\x00")  # clears one that has ended
         if on:
             units = min(127, math.ceil(self.heartbeat / WATCHDOG_UNIT))
@@ -131,7 +127,6 @@ class DynamixelMotor(RegisterMotor):
         """Clear faults, and choose position mode with a profile of speeds.
 
         Raises:
-            BusError: If the servo does not answer.
             ServoFault: If it refuses.
         """
         self.told = None

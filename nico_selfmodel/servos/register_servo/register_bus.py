@@ -15,6 +15,9 @@ class RegisterBus(PortOwner):
     """Exchanges with servos, one at a time, from any thread.
 
     Reading and writing registers is the same twice as once: whatever was lost is sent again.
+
+    Raises:
+        PortLostError: From its methods, if the port is gone.
     """
 
     def __init__(self, port: Port, sdk: PacketSdk, settings: BusSettings | None = None) -> None:
@@ -44,7 +47,6 @@ class RegisterBus(PortOwner):
 
         Raises:
             NoReplyError: If no good reply came.
-            PortLostError: If the port is gone.
         """
         return self._persist(
             address, lambda p: self.sdk.read(p, address, register, length), length, attempts
@@ -56,7 +58,6 @@ class RegisterBus(PortOwner):
         Raises:
             ServoFault: If the servo refuses.
             NoReplyError: If no good reply came.
-            PortLostError: If the port is gone.
         """
         status = self._persist(
             address, lambda p: self.sdk.write(p, address, register, data), 0, None
@@ -66,11 +67,7 @@ class RegisterBus(PortOwner):
         return status
 
     def send(self, packet: Callable[[SdkPort], None]) -> None:
-        """Send a packet whose answer does not matter.
-
-        Raises:
-            PortLostError: If the port is gone.
-        """
+        """Send a packet whose answer does not matter."""
         with self._lock:
             if self._doubtful:
                 self._drain()
@@ -78,11 +75,7 @@ class RegisterBus(PortOwner):
             packet(self._sdk_port)
 
     def sync_write(self, register: int, data: dict[int, bytes]) -> None:
-        """Write the same registers of several servos at once; nobody confirms.
-
-        Raises:
-            PortLostError: If the port is gone.
-        """
+        """Write the same registers of several servos at once; nobody confirms."""
         with self._lock:
             if self._doubtful:
                 self._drain()
@@ -94,11 +87,7 @@ class RegisterBus(PortOwner):
     def sync_read(
         self, register: int, length: int, addresses: Sequence[int]
     ) -> dict[int, StatusPacket]:
-        """Return registers of several servos, as far as they answered undamaged.
-
-        Raises:
-            PortLostError: If the port is gone.
-        """
+        """Return registers of several servos, as far as they answered undamaged."""
         missing: list[int] = list(addresses)
         found: dict[int, StatusPacket] = {}
         port, sdk, damaged = self._sdk_port, self.sdk, False

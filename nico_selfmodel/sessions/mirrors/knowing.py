@@ -14,11 +14,7 @@ from nico_selfmodel.sessions.mirrors.expecting import MOST_UNLIKE, Unknown
 from nico_selfmodel.sessions.mirrors.known_body import KnownBody, know_body
 from nico_selfmodel.sessions.mirrors.look_poses import look_poses
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
-from nico_selfmodel.sessions.mirrors.mirror_scenario import (
-    MIRROR,
-    MirrorScenario,
-    learn_mirror,
-)
+from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR, MirrorScenario, learn_mirror
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.systems.closing import free_memory

@@ -10,11 +10,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.mirrors.mark_place import GATE_3
 from nico_selfmodel.estimation.shape.fair_surface import Neighbours
 from nico_selfmodel.estimation.shape.fusion import DepthView, first_surface
-from nico_selfmodel.estimation.shape.refinement import (
-    RefinedSurface,
-    refine_surface,
-    well_shown,
-)
+from nico_selfmodel.estimation.shape.refinement import RefinedSurface, refine_surface, well_shown
 from nico_selfmodel.estimation.shape.shape_views import ShapeView, ShapeViews
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.geometry.voxel_grid import VoxelGrid

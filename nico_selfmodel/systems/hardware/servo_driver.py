@@ -5,12 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    DiscreteValues,
-    LeafSystem,
-)
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.model.arm.servo_map import ServoMap

@@ -25,10 +25,7 @@ from nico_selfmodel.plant.link_surfaces import link_surfaces
 from nico_selfmodel.systems.closing import Closable, free_memory
 from nico_selfmodel.systems.image_values import image_value
 from nico_selfmodel.systems.rendering.cropped_render import CroppedRender, LabelledPicture
-from nico_selfmodel.systems.rendering.station_scene import (
-    add_renderer,
-    remove_scene,
-)
+from nico_selfmodel.systems.rendering.station_scene import add_renderer, remove_scene
 from nico_selfmodel.systems.rendering.stereo_cameras import RENDERER
 from nico_selfmodel.vision.images.lens_warp import LensWarp
 
@@ -71,6 +68,9 @@ class BodyImage(Closable, LeafSystem):
     mirror shows the body as the reflected camera sees it (`mirror_camera`), and what of the body is
     before the glass hides it; the glass is taken to be as large as the picture. Close it after use:
     its renderer takes 50 MB.
+
+    Raises:
+        RobotError: From its methods, if it was closed.
     """
 
     def __init__(self, arm: ArmDescription, model: SelfModel, *, supersample: int = 2) -> None:
@@ -153,7 +153,6 @@ class BodyImage(Closable, LeafSystem):
             side: The camera, 0 (left) or 1.
 
         Raises:
-            RobotError: If it was closed.
             ValueError: If the readings are not n numbers.
         """
         self.require_open()
@@ -171,9 +170,6 @@ class BodyImage(Closable, LeafSystem):
         Args:
             angles: Joint -> angle [rad].
             X_WB: Where the whole body stands, of where the learned arm would have it. Shape (4, 4).
-
-        Raises:
-            RobotError: If it was closed.
         """
         self.require_open()
         self._last = [None, None]
@@ -187,9 +183,6 @@ class BodyImage(Closable, LeafSystem):
         Args:
             turn: Of the room's light about the robot, a rotation vector in the model's world [rad].
                 Shape (3,).
-
-        Raises:
-            RobotError: If it was closed.
         """
         self.require_open()
         if np.array_equal(turn, self._turn):
@@ -205,11 +198,7 @@ class BodyImage(Closable, LeafSystem):
         return inverse(self._X_WB)
 
     def standing(self, joints: Sequence[str]) -> tuple[StandingJoint, ...]:
-        """Return where joints that nobody commands stand, as they were told to last.
-
-        Raises:
-            RobotError: If it was closed.
-        """
+        """Return where joints that nobody commands stand, as they were told to last."""
         self.require_open()
         plant, own = self._built.plant, self._built.own_context(self.__context)
         found = []
@@ -231,7 +220,6 @@ class BodyImage(Closable, LeafSystem):
             Link -> its pose in the model's world. Shape (4, 4) each.
 
         Raises:
-            RobotError: If it was closed.
             ValueError: If the readings are not n numbers.
         """
         self.require_open()

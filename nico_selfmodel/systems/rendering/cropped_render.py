@@ -79,7 +79,11 @@ class RenderedPart:
 
 @dataclass(frozen=True, eq=False)
 class CroppedRender:
-    """A pinhole camera that leaves out empty background."""
+    """A pinhole camera that leaves out empty background.
+
+    Raises:
+        RuntimeError: From its methods, if the scene graph has no such renderer.
+    """
 
     renderer: str
     """Name of the renderer in the scene graph."""
@@ -102,18 +106,11 @@ class CroppedRender:
         """Render. Red, green, blue, opacity, 8 bits, shape (height, width, 4).
 
         What is smaller than four pixels and far from everything else may be missed.
-
-        Raises:
-            RuntimeError: If the scene graph has no such renderer.
         """
         return self._whole(query, self._window(query))
 
     def part(self, query: QueryObject) -> RenderedPart:
-        """Render only where anything is, by a turned camera where that is less.
-
-        Raises:
-            RuntimeError: If the scene graph has no such renderer.
-        """
+        """Render only where anything is, by a turned camera where that is less."""
         bounds = self._bounds(query)
         window = self._around(bounds)
         if bounds is not None:
@@ -205,11 +202,7 @@ class CroppedRender:
         return query.RenderColorImage(camera, self.frame, self.X_FC @ turn).data.copy()
 
     def with_depth(self, query: QueryObject) -> tuple[NDArray, NDArray]:
-        """Render colours and the distance along the optical axis [m], inf where nothing is.
-
-        Raises:
-            RuntimeError: If the scene graph has no such renderer.
-        """
+        """Render colours and the distance along the optical axis [m], inf where nothing is."""
         window = self._window(query)
         depth = self._depths(query, window)
         self._nothing(query, query.RenderDepthImage)
@@ -234,11 +227,7 @@ class CroppedRender:
         return DepthRenderCamera(core, DepthRange(self.near, self.near + _FAR))
 
     def with_labels(self, query: QueryObject) -> LabelledPicture:
-        """Render colours, distances and labels.
-
-        Raises:
-            RuntimeError: If the scene graph has no such renderer.
-        """
+        """Render colours, distances and labels."""
         left, top, right, bottom = window = self._window(query)
         color, depth = self.with_depth(query)
         self._nothing(query, query.RenderColorImage)

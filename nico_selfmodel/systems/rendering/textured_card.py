@@ -1,13 +1,7 @@
 """Flat cards with a picture on them, for scene graphs."""
 
 from pydrake.common import MemoryFile
-from pydrake.geometry import (
-    GeometryInstance,
-    InMemoryMesh,
-    Mesh,
-    PerceptionProperties,
-    RenderLabel,
-)
+from pydrake.geometry import GeometryInstance, InMemoryMesh, Mesh, PerceptionProperties, RenderLabel
 from pydrake.math import RigidTransform
 
 _MATERIAL = "newmtl card\nKa 0 0 0\nKd 1 1 1\nKs 0 0 0\nmap_Kd card.png\n"

@@ -6,11 +6,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
-from nico_selfmodel.systems.tracking.hand_tracker import (
-    Detector,
-    Found,
-    MirrorDetector,
-)
+from nico_selfmodel.systems.tracking.hand_tracker import Detector, Found, MirrorDetector
 from nico_selfmodel.vision.images.not_seen import NotSeen
 from nico_selfmodel.vision.markers.fiducial import Fiducial, FiducialSearch
 from nico_selfmodel.vision.markers.fiducial_behind_lens import behind_lens

@@ -12,13 +12,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.names import refuse_unknown
 from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY, FiducialFamily
-from nico_selfmodel.vision.markers.sheet_files import (
-    Cells,
-    Line,
-    Page,
-    Text,
-    write_pages,
-)
+from nico_selfmodel.vision.markers.sheet_files import Cells, Line, Page, Text, write_pages
 
 PAPERS = {
     "a4": (210.0, 297.0),

@@ -6,13 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.vision.surprise.blobs import (
-    FALSE_ALARM,
-    Blob,
-    blob_of,
-    connected,
-    threshold_of,
-)
+from nico_selfmodel.vision.surprise.blobs import FALSE_ALARM, Blob, blob_of, connected, threshold_of
 from nico_selfmodel.vision.surprise.surprise import Surprise
 
 WEAK = 1.0

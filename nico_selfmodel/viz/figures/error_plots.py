@@ -13,13 +13,7 @@ from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.figures.inlier_errors import inlier_rows, largest_shown
 from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
-from nico_selfmodel.viz.figures.plot_style import (
-    FULL_WIDTH,
-    MANY,
-    dots,
-    headline,
-    style,
-)
+from nico_selfmodel.viz.figures.plot_style import FULL_WIDTH, MANY, dots, headline, style
 
 _MOST_BINS, _LEAST_IN_BIN = 9, 5
 _BAND = 1.12

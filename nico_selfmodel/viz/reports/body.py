@@ -13,13 +13,7 @@ from nico_selfmodel.viz.figures.numbers_shown import decimals, signed
 from nico_selfmodel.viz.figures.workspace_map import workspace_map
 from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.bending_section import bending_section
-from nico_selfmodel.viz.reports.page import (
-    Key,
-    Report,
-    headline_quantity,
-    key_number,
-    telling_set,
-)
+from nico_selfmodel.viz.reports.page import Key, Report, headline_quantity, key_number, telling_set
 from nico_selfmodel.viz.reports.parameter_tables import (
     joint_table,
     lens_table,
@@ -27,13 +21,7 @@ from nico_selfmodel.viz.reports.parameter_tables import (
     pose_table,
 )
 from nico_selfmodel.viz.reports.pixel_rows import pixels_csv
-from nico_selfmodel.viz.reports.tables import (
-    Cell,
-    Table,
-    error_table,
-    held_out,
-    number_cell,
-)
+from nico_selfmodel.viz.reports.tables import Cell, Table, error_table, held_out, number_cell
 from nico_selfmodel.viz.scene.body_scene import accuracy_at, body_scene
 
 

@@ -169,6 +169,7 @@ def test_a_larger_distance_from_the_body_leaves_a_place_out_of_reach(planner, mo
     assert "80 mm away from the rest" in found.reason
 
 
+@pytest.mark.slow
 def test_a_finger_that_must_not_lean_leaves_a_place_out_of_reach(planner, monkeypatch):
     place = np.array([0.067, 0.057, 0.054]), np.array([0.0, 0.96, -0.27])
     assert isinstance(planned(planner, place), Touch)
@@ -186,6 +187,7 @@ def test_one_seed_is_one_way_and_nothing_of_it_can_be_written(planner):
         first.q[0, 0] = 0.0
 
 
+@pytest.mark.slow
 def test_a_known_posture_is_where_the_way_is_looked_for_first(planner, monkeypatch):
     known = planned(planner)
     starts = []

@@ -32,10 +32,7 @@ from nico_selfmodel.estimation.tree.guesses.carried_cameras import (
     with_known_links,
 )
 from nico_selfmodel.estimation.tree.guesses.flange_guess import from_flange
-from nico_selfmodel.estimation.tree.guesses.lost_joints import (
-    before_known_joints,
-    with_lost_joints,
-)
+from nico_selfmodel.estimation.tree.guesses.lost_joints import before_known_joints, with_lost_joints
 from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints, body_from_points
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_setup import Description

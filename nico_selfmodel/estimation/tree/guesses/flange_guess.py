@@ -9,10 +9,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.tree.guesses.among_unknown import (
-    FEWEST_PAIRS,
-    on_link_among_unknown,
-)
+from nico_selfmodel.estimation.tree.guesses.among_unknown import FEWEST_PAIRS, on_link_among_unknown
 from nico_selfmodel.estimation.tree.guesses.by_first_body import (
     with_orientations,
     with_others,

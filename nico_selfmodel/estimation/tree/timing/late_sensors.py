@@ -9,11 +9,7 @@ from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import SIGHTS
 from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.estimation.diagnosis.changes_in_time import Change
-from nico_selfmodel.estimation.diagnosis.lag_in_time import (
-    Steps,
-    lag_in_time,
-    lag_taken_for_noise,
-)
+from nico_selfmodel.estimation.diagnosis.lag_in_time import Steps, lag_in_time, lag_taken_for_noise
 from nico_selfmodel.estimation.diagnosis.score_test import ScoreTest
 from nico_selfmodel.estimation.tree.forward.joint_errors import MOST_SLIPS
 from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart

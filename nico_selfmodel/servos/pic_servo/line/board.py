@@ -108,7 +108,6 @@ class PicServo:
 
         Raises:
             ValueError: If one is out of range.
-            BusError: If there is no good reply.
         """
         gains.check()
         status = self.ask(nmc.SetGain(gains))
@@ -153,7 +152,6 @@ class PicServo:
 
         Raises:
             ValueError: If a number does not fit the chip.
-            BusError: If there is no good reply.
         """
         now = TrajectoryFlag.START_NOW if start else 0
         return self.ask(
@@ -176,7 +174,6 @@ class PicServo:
 
         Raises:
             ValueError: If the acceleration does not fit the chip.
-            BusError: If there is no good reply.
         """
         now = TrajectoryFlag.START_NOW if start else 0
         units = acceleration_units(acceleration, self.rate_divisor)
@@ -191,7 +188,6 @@ class PicServo:
 
         Raises:
             UncertainError: If the reply to arming was lost.
-            BusError: If there is no good reply.
         """
         return self.ask(nmc.SetHoming(mode), repeatable=not mode)
 
@@ -206,7 +202,6 @@ class PicServo:
 
         Raises:
             ServoFault: If the register does not take the value.
-            BusError: If there is no good reply.
         """
         command = nmc.ResetPosition(nmc.ResetMode.SET_POSITION, position)
         found = None
@@ -229,7 +224,6 @@ class PicServo:
 
         Raises:
             ServoFault: If a register does not take its value.
-            BusError: If there is no good reply.
         """
         self.set_position(ZERO_MARK)
         for _ in range(self.bus.settings.attempts):

@@ -31,7 +31,11 @@ class UncertainError(BusError):
 
 
 class Bus(PortOwner):
-    """Exchanges with modules, one at a time, from any thread."""
+    """Exchanges with modules, one at a time, from any thread.
+
+    Raises:
+        PortLostError: From its methods, if the port is gone.
+    """
 
     @classmethod
     def open(cls, name: str, rate: int = 19200, settings: BusSettings | None = None) -> "Bus":
@@ -77,7 +81,6 @@ class Bus(PortOwner):
         Raises:
             NoReplyError: If no good reply came.
             UncertainError: If none came and the command must not be repeated.
-            PortLostError: If the port is gone.
         """
         packet = encode_command(address, command)
         again = may_repeat(command) if repeatable is None else repeatable
@@ -159,9 +162,6 @@ class Bus(PortOwner):
         Args:
             address: Of the group, or of a module.
             command: What to do.
-
-        Raises:
-            PortLostError: If the port is gone.
         """
         with self._lock:
             if self._doubtful:
@@ -180,7 +180,6 @@ class Bus(PortOwner):
 
         Raises:
             BusError: If the line never becomes quiet.
-            PortLostError: If the port is gone.
         """
         with self._lock:
             self.port.write(FLUSH)

@@ -14,11 +14,7 @@ from nico_selfmodel.servos.pic_servo.protocol.status import (
     encode_status,
 )
 from nico_selfmodel.servos.pic_servo.protocol.trajectory import TICK, LoadTrajectory, TrajectoryFlag
-from nico_selfmodel.servos.profile import (
-    LARGEST_PWM_VELOCITY,
-    Motion,
-    Profile,
-)
+from nico_selfmodel.servos.profile import LARGEST_PWM_VELOCITY, Motion, Profile
 from nico_selfmodel.servos.simulated.mechanics import SimulatedMechanics
 
 _WRAP = 2**32
