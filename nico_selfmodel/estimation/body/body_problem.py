@@ -150,7 +150,8 @@ class BodyProblem:
         residuals = TreeResiduals(seen, problem.residuals.parameters, problem.poses)
         free = frozenset(problem.free_names)
         sound = replace(found.solution, slipped=np.zeros_like(found.solution.slipped))
-        return likeliest_noise(*TreeProblem(residuals, free, {}).asking_at(sound))
+        anew = TreeProblem(residuals, free, {})
+        return likeliest_noise(anew.evidence_at(sound), anew.noise)
 
     def _refined(
         self, problem: TreeProblem, values: NDArray, before: TreeSolution | None
