@@ -200,7 +200,6 @@ def measure(
     """Learn one body under one condition and measure it from inside and outside.
 
     Args:
-        scenario: What was recorded.
         options: The condition.
         nominal: The robot as described, as a start.
 

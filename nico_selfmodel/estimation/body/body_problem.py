@@ -124,7 +124,6 @@ class BodyProblem:
         Args:
             arm: Where it begins, at the minimum of its lines.
             rig: Where the cameras begin.
-            free: Names of what is estimated.
             before: The solution by lines.
             values: At which the user holds some.
 

@@ -160,7 +160,6 @@ def evaluate_mirrors(
 
     Args:
         dataset: Poses with pixels seen in these mirrors.
-        mirrors: Planes by name.
 
     Returns:
         Predictions beside measurements.

@@ -163,10 +163,7 @@ def uncertainty_of(
     """Analyse the rows that count at a solution.
 
     Args:
-        linear: Residuals and derivatives there.
-        free: Parameters that were estimated.
         variances_known: Whether the noise is that of the data; else one factor is estimated.
-        priors: What is known of some beforehand.
 
     Returns:
         Covariance and unobservable directions.

@@ -58,7 +58,6 @@ def prior_rows(
     Args:
         priors: Mean and standard deviation, by name.
         names: What is free.
-        values: By name.
 
     Returns:
         Shapes (priors, k) and (priors,).

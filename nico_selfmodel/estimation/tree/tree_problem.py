@@ -64,8 +64,6 @@ class TreeProblem:
         """Prepare.
 
         Args:
-            residuals: The forward model.
-            free: Names of what is estimated.
             priors: Means and standard deviations of some of it.
             noise: Where its search begins; what the recording states if omitted.
             noise_known: Whether that is the noise, which few poses would not tell.
