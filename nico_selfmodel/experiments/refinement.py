@@ -132,9 +132,6 @@ def run_refinement(
         rendered: Records a body through rendered pictures; without it nothing is rendered, and what
             the cameras find is the truth with noise on it.
 
-    Returns:
-        The table's rows.
-
     Raises:
         ValueError: If there is no such tracker.
     """

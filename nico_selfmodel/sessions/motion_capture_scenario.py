@@ -46,9 +46,6 @@ def learn_by_motion_capture(
             learner starts from the circles.
         random_poses: Poses recorded for training beside the circles.
         stage: Called with what is going on, steps done and steps in all.
-
-    Returns:
-        Data and calibrations.
     """
     protocol = SweepProtocol.for_arm(arm)
     train = simulated_session(

@@ -161,9 +161,6 @@ def evaluate_mirrors(
     Args:
         dataset: Poses with pixels seen in these mirrors.
 
-    Returns:
-        Predictions beside measurements.
-
     Raises:
         DataError: If a mirror is not known, or nothing was seen in one.
         ModelError: If the model has no arm or no cameras.

@@ -164,9 +164,6 @@ def uncertainty_of(
 
     Args:
         variances_known: Whether the noise is that of the data; else one factor is estimated.
-
-    Returns:
-        Covariance and unobservable directions.
     """
     names = tuple(name for name in linear.names if name in free)
     own = [linear.names.index(name) for name in names]

@@ -94,9 +94,6 @@ def refine_by_pose(
         sigma: Standard deviation of a coordinate about the start [m].
         trim: Look for outliers again; else `outliers` stay as they are.
         noise: Where the search for it begins, if it is about known.
-
-    Returns:
-        The solution, with the noise of sensor and joints.
     """
     refinement = _Refinement(observations, start, free, sigma, priors or {})
     if noise is not None:

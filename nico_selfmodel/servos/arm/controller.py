@@ -275,9 +275,6 @@ class ArmController(ClosedAtEnd):
     def cycle(self) -> ArmState:
         """Read every joint once and move the goals on.
 
-        Returns:
-            What is known now.
-
         Raises:
             BusError: If a motor is lost; it is named, and the others were stopped.
             ServoFault: If a motor reports a fault; the others were stopped.

@@ -85,9 +85,6 @@ def learn_mirror(
         arm: Its arm, if that is another one than `looking_arm`.
         choices: Poses of the hand in each mirror from which to choose.
 
-    Returns:
-        What was recorded and learned.
-
     Raises:
         EstimationError: If no plane fits.
     """
