@@ -18,9 +18,6 @@ def as_floats(value: ArrayLike, name: str) -> NDArray:
         value: A number, or rows of them.
         name: What the message calls it.
 
-    Returns:
-        The copy.
-
     Raises:
         ValueError: If something else is among them, or the rows are of different lengths.
     """
@@ -45,9 +42,6 @@ def frozen_array(value: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray
     Args:
         shape: The shape it must have.
         name: What the message calls it.
-
-    Returns:
-        A copy that cannot be written to.
 
     Raises:
         ValueError: If the shape differs or an entry is no finite number.

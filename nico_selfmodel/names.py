@@ -43,7 +43,6 @@ def listed(names: Iterable[object], close_to: str | None = None, most: int = _MO
     """Return names as a message lists them, the first few and how many more there are.
 
     Args:
-        names: All of them.
         close_to: What was written instead; the names that are most like it come first.
         most: How many are shown at most.
 

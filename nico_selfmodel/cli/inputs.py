@@ -47,7 +47,6 @@ def beside(path: Path, ending: str) -> Path:
     """Return a path beside another that does not exist yet, to be suggested: `data_relearned`.
 
     Args:
-        path: What is there.
         ending: What its name goes on with.
     """
     if path.name in ("", ".."):

@@ -157,7 +157,6 @@ class CsvTable:
         """Return a column of finite numbers. Shape (N,).
 
         Args:
-            column: Its name.
             empty_allowed: Whether an empty cell is "not measured" (nan) or an error.
 
         Raises:

@@ -21,9 +21,6 @@ def row_place(row: int, column: str | None = None) -> str:
     Args:
         row: Index of the row.
         column: Column of the cell, if one is meant.
-
-    Returns:
-        The place, for a message.
     """
     return f"row {row}" if column is None else f"row {row}, column {column!r}"
 

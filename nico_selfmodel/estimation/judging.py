@@ -91,11 +91,7 @@ def judge(
 
 
 def to_json(calibration: "Calibration", verdict: Verdict) -> dict[str, Any]:
-    """Return the content of `result.json`; numbers that do not exist are null.
-
-    Returns:
-        A mapping of plain Python values.
-    """
+    """Return the content of `result.json`; numbers that do not exist are null."""
     result = result_of(calibration)
     return {
         "status": verdict.status,

@@ -101,9 +101,6 @@ def run_mirror(
         pixel_sigma: Noise of a tracked pixel coordinate [px].
         play_deg: Half the width of the joints' noise [deg].
         seed: Of the first robot.
-
-    Returns:
-        The tables' rows.
     """
     found = []
     for i in range(individuals):

@@ -40,13 +40,9 @@ def mirror_body(
     """Build a simulated Nico before mirrors.
 
     Args:
-        seed: Of the robot.
         pixel_sigma: Noise of each pixel coordinate [px].
         play_deg: Half the width of the joints' noise [deg].
         radius: Radius of curvature of the mirrors [m]; flat if omitted.
-
-    Returns:
-        The body.
     """
     arm = ArmDescription.named("nico")
     tree = KinematicTree.from_urdf(arm.urdf)

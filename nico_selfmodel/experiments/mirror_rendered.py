@@ -44,9 +44,6 @@ def run_rendered_mirror(
         individuals: Simulated robots; minutes each.
         seed: Of the first one.
 
-    Returns:
-        The tables' rows.
-
     Raises:
         DataError: If too few poses showed the hand in a mirror.
     """

@@ -105,9 +105,6 @@ def run_motion_capture(
         seed: Of the first robot.
         progress: Called with what is going on, steps done and steps in all.
         workers: Who lets the robots learn; this process if omitted.
-
-    Returns:
-        The results.
     """
     report = progress or (lambda what, done, total: None)
     conditions = [(n, "circle points", 0) for n in (FEW, MANY)]

@@ -132,9 +132,6 @@ def run_refinement(
         rendered: Records a body through rendered pictures; without it nothing is rendered, and what
             the cameras find is the truth with noise on it.
 
-    Returns:
-        The table's rows.
-
     Raises:
         ValueError: If there is no such tracker.
     """
@@ -200,7 +197,6 @@ def measure(
     """Learn one body under one condition and measure it from inside and outside.
 
     Args:
-        scenario: What was recorded.
         options: The condition.
         nominal: The robot as described, as a start.
 

@@ -81,9 +81,6 @@ def run_stereo(
         individuals: Simulated pairs of cameras.
         pixel_sigma: Noise of a corner [px].
         seed: Of the first robot.
-
-    Returns:
-        The table's rows.
     """
     conditions = [(lens, BOARDS) for lens in LENSES]
     conditions += [("full", count) for count in COUNTS if count != BOARDS]

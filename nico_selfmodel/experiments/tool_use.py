@@ -96,9 +96,6 @@ def run_tool(
         seed: Of the first.
         rendered: Records a body through rendered pictures; there is no restart then. Without it
             nothing is rendered.
-
-    Returns:
-        The table's rows.
     """
     tools: list[dict[str, dict[str, Any]]] = []
     restarts: list[dict[str, dict[str, Any]]] = []

@@ -73,9 +73,6 @@ def run_vision(
     Args:
         individuals: Simulated robots.
         seed: Of the first one.
-
-    Returns:
-        The results.
     """
     scenarios = []
     for i in range(individuals):

@@ -13,9 +13,6 @@ _LONGEST_INTEGER = 40
 def parse_json(text: str, where: str) -> Any:
     """Return what a JSON document says.
 
-    Returns:
-        Plain Python values.
-
     Raises:
         DataError: If it is not JSON, or holds what no document of ours does: a key twice, `NaN`,
             a number too large, nests too deep.

@@ -89,9 +89,6 @@ for _both in (_Loader, _Dumper):
 def parse_yaml(text: str, where: str) -> Any:
     """Return what a YAML document says.
 
-    Returns:
-        Plain Python values.
-
     Raises:
         DataError: If it is not YAML, a key stands twice, or it is deeper, larger or of other tags
             than any file of ours.

@@ -30,7 +30,6 @@ def check_unit(
 
     Args:
         joint: Name, for the message.
-        unit: Of its readings.
         counts_per_turn: Told with `counts`, and only then.
         among: The units that it may have.
 

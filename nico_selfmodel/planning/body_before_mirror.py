@@ -56,7 +56,6 @@ class BodyBeforeMirror:
             view: The body, and what is about it.
             mirror: Where it shall stand before the left camera of a head that looks straight ahead.
             size: Width and height [m].
-            markers: Of the hands.
 
         Raises:
             ModelError: If hardly any pose shows a reflection.
@@ -138,7 +137,6 @@ class BodyBeforeMirror:
         """Draw poses in which every camera sees one of several cards in the glass, by turns.
 
         Args:
-            cards: Their names.
             pool: Poses of each card to choose from by what they would tell of the glass; those that
                 were drawn first are taken where there are no more of them.
 

@@ -94,7 +94,6 @@ class BodyView:
         """Return which points a camera has in its image, not next to its edges.
 
         Args:
-            camera: Its name.
             R: Its orientations in W. Shape (3, 3, N).
             p: Its places in W [m]. Shape (3, N).
             points: In W, of each pose [m]. Shape (N, m, 3).

@@ -98,7 +98,6 @@ class MirrorView:
 
         Args:
             q: The other poses [rad]. Shape (K, n).
-            count: How many to keep.
         """
         span = np.maximum(np.ptp(q, axis=0), 1e-9)
         apart = np.abs(self.q[:, None] - q) / span

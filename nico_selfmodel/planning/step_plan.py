@@ -20,7 +20,6 @@ def planned_steps(
         lower: Its limits [rad], and upper likewise.
         upper: The other.
         largest: Largest step [rad].
-        count: How many.
         rng: Of the order.
 
     Returns:

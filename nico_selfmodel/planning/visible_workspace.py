@@ -82,7 +82,6 @@ class VisibleWorkspace:
         Args:
             markers: Points of the arm that must be in view; all of them by default.
             cameras: As designed; each is mounted on a link of its own.
-            limits: What counts as in view.
 
         Raises:
             ModelError: If the robot has no such links, or no such point.

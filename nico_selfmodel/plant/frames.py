@@ -94,7 +94,6 @@ def add_robot(
     Args:
         plant: A plant that is not finalized.
         tree: The robot as its file describes it.
-        name: Of its model instance.
         learned: Frames of joints that shall not stand where the file has them.
         parent: A frame P of the plant.
         X_PR: Pose of the robot's root, or of what its file calls the world, in P. Shape (4, 4).

@@ -187,7 +187,6 @@ class KinematicTree:
 
         Args:
             base: Where it starts.
-            tip: Where it ends.
 
         Returns:
             Joints that are passed upwards from `base`, then those passed downwards to `tip`.
@@ -210,7 +209,6 @@ class KinematicTree:
 
         Args:
             held: Joint -> position [rad or m].
-            link: The link to express them in.
             frames: Frames of this robot. Length k.
 
         Returns:

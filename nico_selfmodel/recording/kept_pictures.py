@@ -64,7 +64,6 @@ def located_anew(
     Args:
         data: The recording; its first sensor is the left camera, its second the right one.
         pictures: Those of its samples, left and right.
-        detectors: What finds its markers now.
 
     Returns:
         The same rows with other pixels, without those where nothing is found any more.

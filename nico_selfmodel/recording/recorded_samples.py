@@ -219,7 +219,6 @@ class RecordedSamples:
         """Return in how many poses, of those before one of the plan, both cameras saw every marker.
 
         Args:
-            mirror: In which mirror.
             before: Index of that pose; all poses count if omitted.
         """
         views = [s.views[mirror] for s in self._until(before) if s.mirror == mirror]

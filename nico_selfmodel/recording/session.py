@@ -66,7 +66,6 @@ def record(
     again: what comes is then what would have come.
 
     Args:
-        plan: Sweep labels and commands.
         source: Where the data come from, for people.
         seed: Seed of a simulated body.
         point_sigma_m: Noise of the tracker, if known [m].

@@ -46,7 +46,6 @@ def record_steps(
         arm: Connected, the joints of the plan enabled.
         plan: Joint -> displacements to go to [rad].
         rest: How long a joint is watched before its first step, and after it arrived [s].
-        name: Of the recording.
         speed: Largest joint speed [rad/s]; the limits if omitted.
         source: Where it is from, in words.
         progress: Told after each step.

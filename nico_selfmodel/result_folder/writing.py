@@ -51,9 +51,6 @@ def write_result(
         robot: The robot that the arm belongs to; the one that the model names if omitted.
         shape: What the body looks like as it was learned, to keep in `body`.
 
-    Returns:
-        The folder.
-
     Raises:
         FileExistsError: If the folder exists and `force` is not set.
         OSError: If it cannot be written.

@@ -45,8 +45,6 @@ def scan_port(make: Make, port: str, baud: int | None, last: int) -> Scan:
     """Find the motors on a port. Moves and resets nothing.
 
     Args:
-        make: Theirs.
-        port: Serial port.
         baud: Rate of the line; PIC-SERVO boards are looked for at 19200, servos at every rate, if
             None.
         last: Highest address to look at.

@@ -21,7 +21,6 @@ class PortOwner(ClosedAtEnd):
 
         Args:
             port: An open port that nobody else reads or writes.
-            settings: How patient to be.
         """
         self.port = port
         self.settings = settings or BusSettings()

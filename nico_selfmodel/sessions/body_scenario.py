@@ -64,9 +64,6 @@ def learn_body(
     Args:
         seed: Which robot.
         marker: What is tracked on the hand: `fiducial` or `finger_tip`.
-
-    Returns:
-        Everything that was recorded and learned.
     """
     counts = counts or Counts()
     scenario = learn_cameras_and_arm(world, seed, markers=(marker,), counts=counts, stage=stage)

@@ -112,9 +112,6 @@ def learn_cameras_and_arm(
     Args:
         seed: Which robot.
         markers: What is tracked on the hand: `fiducial`, `finger_tip` or both at once.
-
-    Returns:
-        Everything that was recorded and learned.
     """
     nico = RenderedNico(world, seed, markers)
     seen = watch_hand(nico, counts, stage)

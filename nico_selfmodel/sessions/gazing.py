@@ -51,7 +51,6 @@ def look_at(
 
     Args:
         body: What moves and sees; its joints and cameras are the learned body's, in its order.
-        solver: Of that body.
         readings: Of all joints now [encoder units]. Shape (n,).
         marker: What the cameras look for.
         p_WT: Where it is, in the body's world [m]; a marker of the body itself if omitted. (3,).

@@ -75,7 +75,6 @@ class Recording(ABC):
             station: Of the joints of this recording.
             source: Where the data come from, for people.
             folder: Where to keep the samples from the first one on; resumed if it is there.
-            keep_images: Keep the pictures in the folder.
 
         Raises:
             RobotError: If the robot fails; what was recorded so far is in `partial`.
@@ -190,7 +189,6 @@ class RealBodyRecording(Recording):
             whole: What moves, and what hangs about it.
             servos: The joints that the servos drive, with limits.
             looks: Poses in which only the room is wanted.
-            hands: Poses of each hand.
             given: Poses to visit instead [counts]. Shape (N, k).
             learned: What was learned of its head; as described if omitted.
 

@@ -44,13 +44,8 @@ def learn_by_motion_capture(
     Args:
         arm: The robot's arm as described. It shapes the simulated body and the exported URDF; the
             learner starts from the circles.
-        world: What is wrong with body and tracker.
-        seed: Of the robot.
         random_poses: Poses recorded for training beside the circles.
         stage: Called with what is going on, steps done and steps in all.
-
-    Returns:
-        Data and calibrations.
     """
     protocol = SweepProtocol.for_arm(arm)
     train = simulated_session(

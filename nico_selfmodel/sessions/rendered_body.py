@@ -85,7 +85,6 @@ class RenderedBody:
         Args:
             session: Which day.
             looks: Poses in which only the room is wanted.
-            hands: Poses of each hand.
             lenses: Calibrated cameras by name, behind whose lenses markers are located; as
                 designed, and not told, if omitted.
             learned: What was learned of its head, by which poses are planned; as described if

@@ -119,7 +119,6 @@ class RenderedNico:
             free: Free poses.
             rig: Calibrated cameras, if known.
             folder: Where to keep samples from the first one on; resumed if it is there.
-            keep_images: Keep the pictures in the folder.
             observed: Let ground truth measure the hand too, in the left camera's frame.
             poses: Visited instead of random ones [encoder units]. Shape (N, n).
 

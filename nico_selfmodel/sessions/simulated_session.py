@@ -30,8 +30,6 @@ def simulated_session(
     """Record one session with one robot.
 
     Args:
-        world: What is wrong with body and tracker.
-        seed: Of the robot.
         session: Of poses and noise.
         sweeps: Visit the circles too.
         folder: Where to keep the samples from the first one on; resumed if it is there.

@@ -46,7 +46,6 @@ class Watching(LiveStation[StationView, NDArray]):
             seed: Which robot; the one that learned the model.
             mirror: A mirror that the model knows and where it is put before the left camera as
                 designed; None as place for where `learn --mirror` puts it.
-            recording: Keep an animation.
 
         Raises:
             ModelError: If the model lacks arm, cameras or that mirror, or tracks something else; or

@@ -52,7 +52,6 @@ class WatchingBody(LiveStation[WholeBodyView, Mapping[str, NDArray]]):
             mirror: A mirror that the model knows, and where it is put before the left camera of
                 the robot as described that looks straight ahead; None as place for where
                 `simulate whole-body --mirror` puts one.
-            recording: Keep an animation.
 
         Raises:
             ModelError: If the model lacks cameras, or markers that this robot carries or sees; or

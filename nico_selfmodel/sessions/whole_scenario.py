@@ -68,9 +68,6 @@ def learn_whole(
         seed: Which robot.
         arms: Which arms move: `right`, `left`, none of them for the head alone.
 
-    Returns:
-        Everything that was recorded and learned.
-
     Raises:
         ModelError: If the head sees nothing of a hand.
         DataError: If too little was seen.

@@ -113,7 +113,6 @@ def write_detections(
     all.
 
     Args:
-        folder: Where to write.
         progress: Told how many images are done.
 
     Returns:

@@ -59,7 +59,6 @@ def calibrate_many(recordings: Sequence[Recording], task: ArmTask, workers: Work
     """Learn from each recording; write a result for each, `table.csv` and `result.json`.
 
     Args:
-        recordings: What to learn from.
         task: How, and the folder to make, whole or not at all.
 
     Raises:

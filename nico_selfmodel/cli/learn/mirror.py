@@ -21,7 +21,6 @@ def write_mirror_scenario(
     Args:
         out: The folder, whose self-model knows the mirrors already.
         document: What is in its `result.json`.
-        scenario: What was learned of them.
 
     Returns:
         What is in `result.json` now: the mirrors' own document under `mirror`.

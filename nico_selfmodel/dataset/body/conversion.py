@@ -89,9 +89,6 @@ def tree_dataset_of(
         markers: What carries each of its markers, in its order.
         cameras: The left and the right camera, and what carries them.
 
-    Returns:
-        The same measurements.
-
     Raises:
         DataError: If joints or markers have other names, or nothing was seen.
     """

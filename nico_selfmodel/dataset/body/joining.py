@@ -31,7 +31,6 @@ def joined(first: BodyDataset, second: BodyDataset, name: str) -> BodyDataset:
     Args:
         first: The earlier recording.
         second: The later one, of the same joints.
-        name: Of both together.
 
     Raises:
         DataError: If it is of other joints, or a name means something else there.

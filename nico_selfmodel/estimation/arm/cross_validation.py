@@ -28,8 +28,6 @@ def cross_validate_arm(
     Gauss-Newton step from that of all: dx = -(H - H_f)^-1 U_f' u_f, whitened by pose.
 
     Args:
-        observations: The training data.
-        solved: The solution of all of it.
         sums: What the inlier rows say at it; worked out if omitted.
 
     Returns:

@@ -64,9 +64,6 @@ def evaluate(model: SelfModel, dataset: Dataset) -> Evaluation:
     Args:
         dataset: Encoder readings and measured points, of the same joints in any order.
 
-    Returns:
-        Predictions beside measurements.
-
     Raises:
         DataError: If joints, units or markers differ, or nothing was measured.
     """

@@ -72,7 +72,6 @@ class KinematicTask:
         """Gather what a data set says before anything is solved.
 
         Args:
-            dataset: Training data.
             pins: Parameters held or freed by name.
             starts: Random starts allowed.
             seed: Of the random starts and of the circles' outlier search.

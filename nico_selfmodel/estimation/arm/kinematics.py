@@ -144,7 +144,6 @@ def calibrate_kinematics(
     """Learn an arm from encoder readings and measured points of the hand.
 
     Args:
-        dataset: Training data.
         method: `refine`, or `circle-points` for the sweeps alone.
         test: Held-out data, for judging only.
         nominal: The robot as described, for pins and the zero of its joints, and as a start where

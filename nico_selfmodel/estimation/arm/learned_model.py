@@ -25,9 +25,7 @@ def learned_model(
     """Assemble the self-model with covariance, noise and provenance.
 
     Args:
-        dataset: What it was learned from.
         nominal: The robot, if one was given.
-        fit: What to remember of the fit.
     """
     covariance = None
     if solved.uncertainty is not None:
@@ -54,7 +52,6 @@ def training_of(
     """Return what tells later whether a model is used beyond what it was trained for.
 
     Args:
-        dataset: What was learned from.
         unseen: Errors in cross-validation [m]; those of the training are taken where there are
             none. Shape (K,).
 

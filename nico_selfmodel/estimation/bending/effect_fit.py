@@ -268,7 +268,6 @@ class _Task:
             weighed: About the body, of all columns there are.
             sums: Of those of this task.
             reduced: Of its effects alone.
-            columns: Which they are.
             step: Of them.
             variance: Of each effect's numbers.
         """

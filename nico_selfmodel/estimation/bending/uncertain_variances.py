@@ -38,7 +38,6 @@ def with_uncertain_variances(
 
     Args:
         known: As if they were known.
-        values: Of the parameters.
         fit: Whose variances held the effects.
     """
     groups = [e for e, names in fit.groups.items() if fit.variance[e] > 0.0 and names]

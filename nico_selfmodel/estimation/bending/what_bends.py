@@ -142,7 +142,6 @@ def bending_json(
     """Return what was asked and what bends, for `result.json`; None where nothing was asked.
 
     Args:
-        ladder: What was asked.
         bending: What bends in the body as learned.
         at: Where it is.
     """

@@ -24,7 +24,6 @@ def cross_validate_body(
 
     Args:
         found: The solution of all data.
-        seen: The training data.
         outliers: Rows of the hand that are outliers. Boolean, shape (N,).
         pixel_sigma: Standard deviation of a pixel [px].
 

@@ -44,8 +44,6 @@ def reconstructed(dataset: Dataset, model: SelfModel, pinned: frozenset[str] | N
     The thesis' chapter 7: what stereo measures takes the place of motion capture.
 
     Args:
-        dataset: Data with pixels.
-        model: With both cameras.
         pinned: Parameters that are known where an arm is to be learned from the points alone;
             None where nothing is to be learned.
 
@@ -79,7 +77,6 @@ def body_start(
     """Return an arm with its cameras to start from.
 
     Args:
-        dataset: Data with pixels.
         model: Cameras, and the arm if it is known already.
         nominal: The robot as described, for the zero of the joints and as a start.
         seed: Of random starts, where the arm is learned from scratch.

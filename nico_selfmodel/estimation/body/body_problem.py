@@ -124,7 +124,6 @@ class BodyProblem:
         Args:
             arm: Where it begins, at the minimum of its lines.
             rig: Where the cameras begin.
-            free: Names of what is estimated.
             before: The solution by lines.
             values: At which the user holds some.
 
@@ -150,7 +149,8 @@ class BodyProblem:
         residuals = TreeResiduals(seen, problem.residuals.parameters, problem.poses)
         free = frozenset(problem.free_names)
         sound = replace(found.solution, slipped=np.zeros_like(found.solution.slipped))
-        return likeliest_noise(*TreeProblem(residuals, free, {}).asking_at(sound))
+        anew = TreeProblem(residuals, free, {})
+        return likeliest_noise(anew.evidence_at(sound), anew.noise)
 
     def _refined(
         self, problem: TreeProblem, values: NDArray, before: TreeSolution | None

@@ -42,7 +42,6 @@ class SeenBody:
 
         Args:
             pixels: Of the hand.
-            dataset: What they are of.
             boards: Corners, if they take part.
         """
         arm, joints = pixels.arm, chain_of(dataset)

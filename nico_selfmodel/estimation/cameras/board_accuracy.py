@@ -108,8 +108,6 @@ def cross_validate_cameras(
     Each begins at the cameras that all boards told, which are near: `cameras_of_fewer`.
 
     Args:
-        calibration: Of all views.
-        options: As it was made.
         inliers: Views that count. Boolean, shape (V,).
 
     Returns:

@@ -94,11 +94,7 @@ class CameraCalibration:
         return StereoRig(by_name[first], by_name[second])
 
     def self_model(self, name: str, provenance: Mapping[str, Any] | None = None) -> SelfModel:
-        """Return the cameras as a self-model without an arm.
-
-        Args:
-            provenance: Where it comes from.
-        """
+        """Return the cameras as a self-model without an arm."""
         return SelfModel(
             name,
             covariance=ParameterCovariance(self.names, self.uncertainty.covariance),

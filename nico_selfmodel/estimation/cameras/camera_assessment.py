@@ -77,7 +77,6 @@ class CameraAssessment:
         """Cross-validate, and hold against other views where given.
 
         Args:
-            options: As it was learned.
             test: Views that were held out.
             known: The cameras as they were known before, to be compared.
             better_lens: `LensChoice.better`.

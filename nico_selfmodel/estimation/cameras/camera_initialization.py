@@ -178,7 +178,6 @@ def pair_start(
     Args:
         left: A camera and X_LG of all views; nan where it saw nothing.
         right: The other and X_RG of all views; nan where it saw nothing.
-        views: Corners in both cameras.
 
     Returns:
         X_LR, the other camera in the frame of the first. Shape (4, 4).

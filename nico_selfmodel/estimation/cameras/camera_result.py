@@ -34,11 +34,7 @@ _TERMS = Terms(
 
 
 def camera_result(assessment: CameraAssessment) -> CalibrationResult:
-    """Return cameras with all that they are judged by and that is written down of them.
-
-    Args:
-        assessment: What was learned and what it is worth.
-    """
+    """Return cameras with all that they are judged by and that is written down of them."""
     calibration, test = assessment.calibration, assessment.test_views
     named = zip(calibration.views.names, calibration.outliers, strict=True)
     left_out = rms_of_boards(assessment.left_out_residuals)

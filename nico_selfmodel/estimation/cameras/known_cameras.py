@@ -44,7 +44,6 @@ class KnownCameras:
         """Place the boards before the cameras as they were known.
 
         Args:
-            model: A self-model with the cameras.
             held_out: Whether they were held out.
 
         Raises:

@@ -27,7 +27,6 @@ def baseline(apart: NDArray, known: Uncertainty, cameras: tuple[str, ...] = SIDE
     Args:
         apart: From one to the other, in the frame of the first camera of their rig [m]. Shape (3,).
         known: How well the free parameters are known.
-        cameras: What the two are called.
     """
     slope, length = np.zeros(len(known.names)), float(np.linalg.norm(apart))
     for camera, sign in zip(cameras, (-1.0, 1.0), strict=True):
@@ -78,7 +77,6 @@ def check_start(rig: StereoRig, views: BoardViews, alone_rms: float) -> None:
 
     Args:
         rig: The cameras as the closed forms place them.
-        views: Corners in both cameras.
         alone_rms: What the cameras leave unexplained when each is calibrated alone [px].
 
     Raises:

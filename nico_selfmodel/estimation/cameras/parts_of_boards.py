@@ -129,7 +129,6 @@ def _place(views: BoardViews, pixels: NDArray, camera: Camera, X_WG: NDArray) ->
 
     Args:
         pixels: Corners in one of their places, nan where not seen. Shape (P, 2).
-        camera: Whose they are.
         X_WG: Pose of the board. Shape (4, 4).
     """
     seen, places = _places(views.p_GQ, pixels)

@@ -80,9 +80,6 @@ def refine_lines(
         sigma: Whitening of the residuals [m].
         loss: One of `optimization.robust_solve.ROBUST_METHODS`.
         rough: Stop early: good enough to tell one minimum from another.
-
-    Returns:
-        The refined arm.
     """
     program, block = line_program(observations, start, pinned_gears, sigma)
     robust = solve_robustly(program, 0, loss, rough=rough)

@@ -160,10 +160,6 @@ def evaluate_mirrors(
 
     Args:
         dataset: Poses with pixels seen in these mirrors.
-        mirrors: Planes by name.
-
-    Returns:
-        Predictions beside measurements.
 
     Raises:
         DataError: If a mirror is not known, or nothing was seen in one.

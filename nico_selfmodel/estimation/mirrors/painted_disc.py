@@ -99,7 +99,6 @@ def painted_disc(
     """Return where the middle of a disc of paint is, and its covariance.
 
     Args:
-        pictures: Of the surface.
         solids: What the link is made of, in its frame.
         p_FM: About where the middle is [m]. Shape (3,).
         pixel_sigma: What each picture is shifted by by itself [px].

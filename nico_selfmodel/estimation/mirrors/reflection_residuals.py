@@ -26,7 +26,6 @@ class ReflectionResiduals:
         """Take the data.
 
         Args:
-            reflections: What was seen, and the points it belongs to.
             whitening: Of each row's pixels, zero where not seen. Shape (N, 2 C, 2 C).
         """
         self.reflections = reflections

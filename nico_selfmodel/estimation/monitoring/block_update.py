@@ -99,9 +99,6 @@ def learn_block(
         scales: Natural scale of each, on which its sigma says whether it is known. Shape (k,).
         loss: One of `optimization.robust_solve.ROBUST_METHODS`.
 
-    Returns:
-        The body with the block learned.
-
     Raises:
         NotIdentifiableError: If the data leave a parameter of the block open; it names them.
     """
@@ -138,9 +135,6 @@ def learn_with_prior(
         names: What has no prior.
         scales: Natural scale of each of `names`. Shape (k,).
         loss: One of `optimization.robust_solve.ROBUST_METHODS`.
-
-    Returns:
-        The body with everything updated.
 
     Raises:
         NotIdentifiableError: If the data leave a parameter of the block open.

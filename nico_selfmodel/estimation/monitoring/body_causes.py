@@ -32,7 +32,6 @@ def body_causes(tree: BodyTree, names: tuple[str, ...]) -> tuple[Hypothesis, ...
     gear is not asked for: readings that are all off by one angle would look like another gear.
 
     Args:
-        tree: The body.
         names: Parameters that the observations depend on; causes with others are left out.
     """
     turning = [j for j, m in zip(tree.joints, tree.motions, strict=True) if m == REVOLUTE]
@@ -59,7 +58,6 @@ def body_changes(tree: BodyTree, causes: tuple[Hypothesis, ...]) -> MonitoredCha
     """Return what is looked for at every pose, of the sizes that `monitored_changes` has.
 
     Args:
-        tree: The body.
         causes: What may change.
     """
     kinds: dict[str, list[tuple[NDArray, float]]] = {"jump": [], "point": [], "camera": []}

@@ -134,7 +134,6 @@ def simple_hypothesis(cause: str, own: tuple[str, ...], names: tuple[str, ...]) 
     """Return that some parameters changed, each by itself.
 
     Args:
-        cause: In words.
         own: Names of what changed.
         names: Of all parameters.
     """

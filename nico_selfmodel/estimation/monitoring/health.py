@@ -162,7 +162,6 @@ def dated(
     """Return since when a body is another, and why: each by the other, in turn.
 
     Args:
-        poses: All poses.
         covariance: Of the poses' parameters. Shape (P, P).
         causes: What may have changed.
         since: The first guess.

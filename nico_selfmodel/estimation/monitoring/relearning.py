@@ -17,9 +17,6 @@ def relearn_cause(
 ) -> BlockUpdate:
     """Learn the parameters anew that a health report blames, from the observations since.
 
-    Returns:
-        The body with just that learned.
-
     Raises:
         EstimationError: If the body is healthy.
         NotIdentifiableError: If the observations since the change are too few.

@@ -173,9 +173,6 @@ def rezero(
         sensor: `pixels`, `points` or `auto`.
         loss: Of poses: one of `optimization.robust_solve.ROBUST_METHODS`.
 
-    Returns:
-        The body with new zeros.
-
     Raises:
         DataError: If the data do not suit the model, or nothing was seen.
         ModelError: If the model knows no noise.

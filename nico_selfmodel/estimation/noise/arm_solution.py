@@ -163,13 +163,7 @@ def uncertainty_of(
     """Analyse the rows that count at a solution.
 
     Args:
-        linear: Residuals and derivatives there.
-        free: Parameters that were estimated.
         variances_known: Whether the noise is that of the data; else one factor is estimated.
-        priors: What is known of some beforehand.
-
-    Returns:
-        Covariance and unobservable directions.
     """
     names = tuple(name for name in linear.names if name in free)
     own = [linear.names.index(name) for name in names]

@@ -127,7 +127,6 @@ def most_expected(poses: int, share: float) -> int:
     """Return the least k with P(X > k) < 1e-3, X ~ Binomial(poses, share).
 
     Args:
-        poses: N.
         share: g, between 0 and 1, ends excluded.
     """
     left = 1.0

@@ -201,7 +201,6 @@ def _moved(
     """Return the components after one step of both variances.
 
     Args:
-        poses: What they are fitted to.
         parts: Core and tail.
         w: S^-1 r of both. Shape (K, 2, N).
         inverse: S^-1. Shape (K, K, 2, N).

@@ -28,7 +28,6 @@ def most_likely_noise(
     """Estimate the standard deviations of the sensor and of the joints.
 
     Args:
-        residuals: About a solution.
         start: Where the search begins.
         known: Variance of each joint angle that is known beforehand, as of counting [rad^2]. (n,).
         apart: Take one standard deviation for each joint where they are likelier than one for all

@@ -75,7 +75,6 @@ class PoseWhitening:
         """Prepare the factors.
 
         Args:
-            groups: Which rows belong together.
             by_angle: Derivatives of the rows' coordinates by the joint angles. Shape (N, k, n).
             slipped: Joints that are free in a pose, whatever their noise. Boolean, (visits, n).
         """

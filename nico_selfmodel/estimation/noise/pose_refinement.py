@@ -90,15 +90,10 @@ def refine_by_pose(
 
     Args:
         start: The arm; parameters that are not free stay.
-        free: Names of the parameters to estimate.
         outliers: Outlier rows so far. Boolean, shape (N,).
         sigma: Standard deviation of a coordinate about the start [m].
         trim: Look for outliers again; else `outliers` stay as they are.
-        priors: What is known of some parameters beforehand.
         noise: Where the search for it begins, if it is about known.
-
-    Returns:
-        The solution, with the noise of sensor and joints.
     """
     refinement = _Refinement(observations, start, free, sigma, priors or {})
     if noise is not None:
@@ -133,8 +128,6 @@ def conditional_distances(
     rows of their pose tell of its joints is taken off: delta = D G^-1 B' u, G = I + B'B.
 
     Args:
-        linear: Residuals at the solution.
-        free: Parameters that were estimated.
         keep: Rows in the fit. Boolean, shape (N,).
         covariance: C, where more rows than these tell it. Shape (k, k).
         information: What is known of the parameters beforehand, their inverse variances. (k,).

@@ -174,7 +174,6 @@ class PoseSums:
         """Linearise about an arm and add up.
 
         Args:
-            free: Names of the parameters that are estimated.
             keep: Rows that count. Boolean, shape (N,).
             folds: How many folds of whole poses there are.
         """

@@ -47,8 +47,6 @@ def with_training_noise(
     """Return a model that says what noise its training left, in `fit.noise`.
 
     Args:
-        model: As learned, with its covariance.
-        dataset: What it was learned from.
         sensor: By which the poses are judged, `points` or `pixels`.
         outliers: Samples that the solver set aside. Shape (k,).
         point_sigma: Noise of the points that it was fitted to, where those were made of the pixels

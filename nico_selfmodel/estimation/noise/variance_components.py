@@ -103,7 +103,6 @@ class VarianceSearch:
         """Prepare.
 
         Args:
-            residuals: About a solution.
             known: Variance of each joint that is known beforehand, as of counting. Shape (n,).
             joint_group: Which joints share a standard deviation. Shape (n,).
             floor: Least standard deviations, of sensors and of groups of joints. Shape (G + H,).

@@ -91,9 +91,6 @@ def evaluate_pixels(model: SelfModel, dataset: Dataset) -> PixelEvaluation:
         model: Arm and cameras, the left one at the world.
         dataset: Encoder readings and pixels, of the same joints in any order.
 
-    Returns:
-        Predictions beside what was seen.
-
     Raises:
         DataError: If joints, units or markers differ, or nothing was seen.
         ModelError: If the model lacks arm or cameras.

@@ -58,7 +58,6 @@ def first_surface(
     Args:
         grid: Where to look.
         wanted: Which of its points. Shape (points,).
-        views: The pictures and their outlines.
         depths: In some or all of the mirrors.
 
     Raises:

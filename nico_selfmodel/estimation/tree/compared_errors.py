@@ -68,7 +68,6 @@ def alone_off(errors: TreeErrors, usual: NDArray | None) -> NDArray:
     seen of their marker before and after; and they are no more than a training may have of them.
 
     Args:
-        errors: What a body leaves.
         usual: See `usual_errors`; nothing is off where that is not known. Shape (N,).
     """
     table = errors.observations.data.observations
@@ -112,7 +111,6 @@ def errors_of_tree(
     Where nothing was seen those in space are by how much touches and distances are missed.
 
     Args:
-        errors: What a body leaves.
         keep: Rows of the table that count. Boolean, shape (N,).
         among: What it may be compared by, of `COMPARED`, the most telling first.
         usual: See `usual_errors`: what is compared is in units of that, if given, and without what
@@ -173,7 +171,6 @@ def expected_errors(
     """Return the errors that new poses should show, by what they are of.
 
     Args:
-        errors: Of poses left out.
         keep: Rows of the table that count. Boolean, shape (N,).
         usual: See `usual_errors`. Shape (N,).
     """

@@ -160,7 +160,6 @@ def check_that_some_agree(
     """Refuse to go on with nothing.
 
     Args:
-        groups: What still counts.
         outliers: What does not count, by row of the table. Boolean, shape (N,).
 
     Raises:

@@ -203,7 +203,6 @@ def calibrate_tree(
         description: The robot as described: a first guess, and priors on its frames.
         lenses: Intrinsics of cameras, by name; the recording's own where they are not given.
             What neither tells is learned, where boards or markers at nearly known places tell it.
-        wishes: What the user holds, frees or knows by name.
         name: Name of the body; the recording's if omitted.
         effects: What may bend, of `estimation.bending.steps.STEPS`: kept where unseen poses gain.
             With none they are asked for all the same, to tell what they would explain.
@@ -259,7 +258,6 @@ def refit_tree(
     Args:
         tree: The body as it was.
         data: What was measured since.
-        free: Names of what is learned.
         world: What stood for the world.
         name: Of the body; the recording's if omitted.
         noise: What disturbs the recording, where that is known; estimated if omitted.

@@ -50,7 +50,6 @@ class TreeErrors:
         """Return the lengths of the residuals of some kinds of sensors; places, of poses.
 
         Args:
-            kinds: Of sensors.
             keep: Rows of the table that count; all if omitted. Boolean, shape (N,).
 
         Returns:
@@ -179,9 +178,6 @@ def cross_validate_tree(
 ) -> TreeErrors | None:
     """Return residuals of inliers by bodies learned without their fold of poses.
 
-    Args:
-        solution: Where it ended.
-
     Returns:
         nan where an observation is an outlier, or depends on what its own fold alone tells; None
         with too few poses for folds.
@@ -253,7 +249,6 @@ def errors_as_described(
     """Return what the robot as described leaves, with sensors and markers where training has them.
 
     Args:
-        solution: Where it ended.
         seen: The recording that is predicted.
     """
     parameters = problem.residuals.parameters.layout

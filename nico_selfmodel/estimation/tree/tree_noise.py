@@ -1,7 +1,7 @@
 """What disturbs a recording, by what an adjustment leaves of it."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,24 +118,34 @@ def noise_named(names: Mapping[str, float], seen: TreeObservations) -> TreeNoise
     return TreeNoise(sensor, joint)
 
 
-def likeliest_noise(
-    data: TreeObservations,
-    linear: TreeLinear,
-    groups: PoseGroups,
-    slipped: NDArray | None,
-    start: TreeNoise,
-    information: NDArray,
-) -> TreeNoise:
-    """Return the noise that residuals ask for, with what fitting took from them.
+@dataclass(frozen=True, eq=False)
+class NoiseEvidence:
+    """What an adjustment left, and what fitting took from it: what tells the noise."""
 
-    Args:
-        linear: Residuals about what is known beforehand, and their derivatives by what is
-            estimated.
-        slipped: Joints that were read wrongly in a pose, if any. Boolean, (poses, m).
-        start: Where the search begins.
-        information: Inverse variances of what is known beforehand. Shape (P,).
-    """
-    found = _variances(data, linear, groups, slipped, start, information)
+    data: TreeObservations
+    """What was measured."""
+    linear: TreeLinear
+    """Residuals about what is known beforehand, and their derivatives by what is estimated."""
+    groups: PoseGroups
+    """What belongs to one pose."""
+    slipped: NDArray | None
+    """Joints that were read wrongly in a pose, if any. Boolean, shape (poses, m)."""
+    information: NDArray
+    """Inverse variances of what is known beforehand. Shape (P,)."""
+
+    def whitening(self, noise: TreeNoise) -> PoseWhitening:
+        """Return what whitens poses that are disturbed by some noise."""
+        return tree_whitening(self.data, self.linear, self.groups, noise, self.slipped)
+
+    def beside(self, alike: Sequence[AlikeErrors]) -> "NoiseEvidence":
+        """Return it with errors that poses share as parameters, see `beside_shared`."""
+        linear, known = beside_shared(self.data, self.linear, self.information, alike)
+        return replace(self, linear=linear, information=known)
+
+
+def likeliest_noise(evidence: NoiseEvidence, start: TreeNoise) -> TreeNoise:
+    """Return the noise that residuals ask for; the search begins at `start`."""
+    found = _variances(evidence, start)
     return TreeNoise(found.sensor, found.joint, loud=start.loud)
 
 
@@ -167,31 +177,21 @@ def tree_whitening(
     return whitening.sharing((columns / scale)[:, None])
 
 
-def likeliest_alike(
-    data: TreeObservations,
-    linear: TreeLinear,
-    groups: PoseGroups,
-    slipped: NDArray | None,
-    start: TreeNoise,
-    information: NDArray,
-) -> TreeNoise | None:
+def likeliest_alike(evidence: NoiseEvidence, start: TreeNoise) -> TreeNoise | None:
     """Return the noise in which errors are shared by poses that are alike.
 
     Asked are the errors of a flange, and the turns that each sensor of poses measures.
 
     Args:
-        linear: As in `likeliest_noise`, as are the others.
-        slipped: Joints that were read wrongly in a pose, if any. Boolean, (poses, m).
         start: The noise without.
-        information: Inverse variances of what is known beforehand. Shape (P,).
 
     Returns:
         None where each pose's error is its own.
     """
     best: TreeNoise | None = None
     known = replace(start, alike=())
-    for X, first in _asked(data, groups, known):
-        found = _shared(data, linear, groups, slipped, known, information, X, first)
+    for X, first in _asked(evidence.data, evidence.groups, known):
+        found = _shared(evidence, known, X, first)
         if found is not None:
             best = known = found
     return best
@@ -230,30 +230,21 @@ def _columns(data: TreeObservations, linear: TreeLinear, alike: AlikeErrors) -> 
 
 
 def _shared(
-    data: TreeObservations,
-    linear: TreeLinear,
-    groups: PoseGroups,
-    slipped: NDArray | None,
-    start: TreeNoise,
-    information: NDArray,
-    X: NDArray,
-    first: AlikeErrors,
+    evidence: NoiseEvidence, start: TreeNoise, X: NDArray, first: AlikeErrors
 ) -> TreeNoise | None:
     """Return the noise in which poses X share errors besides; None where that is not likelier."""
-    linear, information = beside_shared(data, linear, information, start.alike)
-    known = start.own
-    best, most = None, _variances(data, linear, groups, slipped, known, information).likelihood
-    most += DECISIVE
+    evidence, known = evidence.beside(start.alike), start.own
+    best, most = None, _variances(evidence, known).likelihood + DECISIVE
     for size in _SIZES:
         alike, noise = replace(first, basis=alike_basis(X, size)), _first_own(known, first)
         for _ in range(_ALIKE_ROUNDS):
-            wider, also = beside_shared(data, linear, information, (alike,))
-            found = _variances(data, wider, groups, slipped, noise, also)
+            wider = evidence.beside((alike,))
+            found = _variances(wider, noise)
             noise = TreeNoise(found.sensor, found.joint, loud=known.loud)
             if found.likelihood > most:
                 best, most = noise.sharing((*start.alike, alike)), found.likelihood
-            told = _asked_for(data, wider, groups, slipped, noise, also)
-            alike = replace(alike, sigma=_as_told(alike, told, data.noisy_joints))
+            told = _asked_for(wider, noise)
+            alike = replace(alike, sigma=_as_told(alike, told, evidence.data.noisy_joints))
     return best
 
 
@@ -284,19 +275,12 @@ def _first_own(noise: TreeNoise, alike: AlikeErrors) -> TreeNoise:
     return TreeNoise(sensor, joint, loud=noise.loud)
 
 
-def _asked_for(
-    data: TreeObservations,
-    linear: TreeLinear,
-    groups: PoseGroups,
-    slipped: NDArray | None,
-    noise: TreeNoise,
-    information: NDArray,
-) -> tuple[NDArray, NDArray]:
+def _asked_for(evidence: NoiseEvidence, noise: TreeNoise) -> tuple[NDArray, NDArray]:
     """Return what residuals ask of parameters N(0, 1), and the variances of that. Shapes (P,)."""
-    whitening = tree_whitening(data, linear, groups, noise, slipped)
-    both = np.vstack([linear.r, linear.J]) / noise.sensor[data.noise_group]
-    white = whitening.white(both.T[:, None])
-    C = covariance_told_by(white[:, 1:].T @ white[:, 1:] + np.diag(information))
+    linear = evidence.linear
+    both = np.vstack([linear.r, linear.J]) / noise.sensor[evidence.data.noise_group]
+    white = evidence.whitening(noise).white(both.T[:, None])
+    C = covariance_told_by(white[:, 1:].T @ white[:, 1:] + np.diag(evidence.information))
     return -C @ (white[:, 1:].T @ white[:, 0]), np.diag(C)
 
 
@@ -318,23 +302,17 @@ def _as_told(
     return out
 
 
-def _variances(
-    data: TreeObservations,
-    linear: TreeLinear,
-    groups: PoseGroups,
-    slipped: NDArray | None,
-    start: TreeNoise,
-    information: NDArray,
-) -> Variances:
+def _variances(evidence: NoiseEvidence, start: TreeNoise) -> Variances:
     """Return the likeliest: joints of one kind alike, or each limb's where that is decisive."""
+    data, linear, groups = evidence.data, evidence.linear, evidence.groups
     residuals = LinearResiduals(
         groups,
         groups.gather(linear.r[:, None]),
         groups.gather(linear.J.T[:, None]),
         linear.by_joint[:, None],
         data.noise_group[:, None],
-        slipped,
-        information,
+        evidence.slipped,
+        evidence.information,
         linear.taken,
     )
     kept = groups.rows

@@ -58,7 +58,6 @@ def prior_rows(
     Args:
         priors: Mean and standard deviation, by name.
         names: What is free.
-        values: By name.
 
     Returns:
         Shapes (priors, k) and (priors,).
@@ -101,9 +100,6 @@ def expected_priors(
         names: What is free.
         values: Where `white` is.
         white: Whitened derivatives by what is free, and residuals; priors are not among them.
-
-    Returns:
-        All priors.
     """
     groups = [(own, one.sigma) for one in alike if len(own := _places(one, names))]
     if not groups:

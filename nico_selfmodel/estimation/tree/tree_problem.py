@@ -25,6 +25,7 @@ from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.pose_tests import check_that_some_agree, tested
 from nico_selfmodel.estimation.tree.tree_block import TreeBlock
 from nico_selfmodel.estimation.tree.tree_noise import (
+    NoiseEvidence,
     likeliest_alike,
     likeliest_noise,
     robust_weights,
@@ -63,8 +64,6 @@ class TreeProblem:
         """Prepare.
 
         Args:
-            residuals: The forward model.
-            free: Names of what is estimated.
             priors: Means and standard deviations of some of it.
             noise: Where its search begins; what the recording states if omitted.
             noise_known: Whether that is the noise, which few poses would not tell.
@@ -195,7 +194,7 @@ class TreeProblem:
             known = self.noise_known or equations - len(self.columns) >= LEAST_REDUNDANCY
             before = self.noise
             if known and not self.noise_known:
-                noise = likeliest_noise(*self._asking(linear, groups, slipped, values))
+                noise = likeliest_noise(self._evidence(linear, groups, slipped, values), self.noise)
                 self.noise = replace(noise, joint=self._joint_part * noise.joint)
             whitening = tree_whitening(data, linear, groups, self.noise, slipped)
             program = self.program(values, whitening, linear.pulled)
@@ -227,7 +226,7 @@ class TreeProblem:
         groups = self.observations.groups(outliers)
         for _ in range(_SHARED_ROUNDS):
             linear = self._linear(values, outliers)
-            found = likeliest_alike(*self._asking(linear, groups, slipped, values))
+            found = likeliest_alike(self._evidence(linear, groups, slipped, values), self.noise)
             if found is None:
                 break
             self.noise = found
@@ -347,13 +346,11 @@ class TreeProblem:
         nothing = np.zeros(len(self.observations.data.observations), dtype=bool)
         return self._whitened(self.residuals.parameters.start, nothing, None)[0]
 
-    def asking_at(
-        self, solution: TreeSolution
-    ) -> tuple[TreeObservations, TreeLinear, PoseGroups, NDArray | None, TreeNoise, NDArray]:
-        """Return what `likeliest_noise` asks residuals by where an adjustment ended."""
+    def evidence_at(self, solution: TreeSolution) -> NoiseEvidence:
+        """Return what tells the noise where an adjustment ended."""
         groups = self.observations.groups(solution.outliers)
         linear = self._linear(solution.values, solution.outliers)
-        return self._asking(linear, groups, solution.slipped_in(groups.numbers), solution.values)
+        return self._evidence(linear, groups, solution.slipped_in(groups.numbers), solution.values)
 
     def _learned_priors(self, values: NDArray, outliers: NDArray, slipped: NDArray) -> bool:
         """Let priors be as wide as the data ask for; return whether they were."""
@@ -372,9 +369,9 @@ class TreeProblem:
         out[self.columns] = x
         return out
 
-    def _asking(
+    def _evidence(
         self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray | None, values: NDArray
-    ) -> tuple[TreeObservations, TreeLinear, PoseGroups, NDArray | None, TreeNoise, NDArray]:
+    ) -> NoiseEvidence:
         """Return what residuals are asked for their noise by, with what fitting took from them."""
         names, J = self.residuals.parameters.names, linear.J[self.columns]
         few = len(groups.rows) - len(self.columns) < LEAST_REDUNDANCY
@@ -384,7 +381,7 @@ class TreeProblem:
         pull = tree_priors.pull_of(priors, self.free_names, self._by_name(values))
         own = replace(linear, r=linear.r + pull @ J, J=J)
         loose = self.observations.unread_in(groups.poses, slipped)
-        return self.observations, own, groups, loose, self.noise, known
+        return NoiseEvidence(self.observations, own, groups, loose, known)
 
     def _tested(
         self, linear: TreeLinear, groups: PoseGroups, outliers: NDArray, louder: bool

@@ -205,7 +205,6 @@ def setup_of(
 
     Args:
         description: The robot as described, whose errors have priors.
-        wishes: What the user holds, frees or knows.
 
     Raises:
         DataError: If nothing stands for the world.

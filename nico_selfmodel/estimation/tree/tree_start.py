@@ -84,9 +84,7 @@ class TreeStart:
 
         Args:
             label: Where it comes from.
-            observations: What of it counts.
             description: The robot as described, where it is.
-            wishes: What the user holds, frees or knows.
         """
         unplaced, touches = apart_from(tree, data.mirrors), Touches.of(data)
         tree = tree.with_mirrors(anywhere(unplaced))

@@ -10,7 +10,12 @@ from nico_selfmodel.dataset.body.sensors import SIGHTS
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.pose_noise import PoseWhitening
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
-from nico_selfmodel.estimation.tree.tree_noise import beside_shared, likeliest_noise, tree_whitening
+from nico_selfmodel.estimation.tree.tree_noise import (
+    NoiseEvidence,
+    beside_shared,
+    likeliest_noise,
+    tree_whitening,
+)
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import BodyParameters
 from nico_selfmodel.estimation.tree.tree_priors import prior_rows
@@ -187,10 +192,9 @@ class WeighedTree:
         own, there = self.linear.J[self._columns], variance > 0.0
         linear = replace(self.linear, r=self.linear.r + pull @ own, J=own[there])
         shared = self.noise.alike
-        linear, known = beside_shared(self.seen, linear, 1.0 / variance[there], shared)
         loose = self.seen.unread_in(self._groups.poses)
-        own_noise = likeliest_noise(self.seen, linear, self._groups, loose, self.noise.own, known)
-        return own_noise.sharing(shared)
+        evidence = NoiseEvidence(self.seen, linear, self._groups, loose, 1.0 / variance[there])
+        return likeliest_noise(evidence.beside(shared), self.noise.own).sharing(shared)
 
     def errors(self, step: NDArray, rows: NDArray) -> NDArray:
         """Return errors of some rows that count, after a step [m or px, of the first sensor]."""

@@ -84,9 +84,6 @@ def run_encounters(
         robots: Who have learned arm and cameras.
         trials: In all, each kind of encounter as often as possible, in random order.
 
-    Returns:
-        All trials.
-
     Raises:
         ValueError: If there are too few trials.
         NotIdentifiableError: If a robot cannot learn how its image follows its encoders.

@@ -142,9 +142,6 @@ def run_marks(robots: Sequence[Knowing], trials: int, progress: Stage | None = N
         trials: In all: of eight in turn four marks, two shams, one on the glass and one on another
             robot, in random order.
 
-    Returns:
-        All trials.
-
     Raises:
         ValueError: If there are too few trials.
     """

@@ -71,9 +71,6 @@ def run_stages(
         marks: Trials with marks in all, controls among them.
         plate: The glass that somebody puts before them from stage 2 on.
 
-    Returns:
-        What happened.
-
     Raises:
         ValueError: If there are too few trials.
         EstimationError: If a robot cannot learn how its image follows its encoders.

@@ -94,8 +94,6 @@ def judged(known: Knowing, shape: LearnedShape, surfaces: Surfaces) -> list[Link
     """Hold what a robot has learned against the truth.
 
     Args:
-        known: The robot.
-        shape: What it has learned.
         surfaces: The true surfaces of all that stands still.
     """
     nico = rendered(known.robot)

@@ -115,7 +115,6 @@ class TouchJudge:
         """Go a way as the true arm goes it, joints loose as they are.
 
         Args:
-            plan: The way.
             mark: Where the mark really is.
             n_F: Outward normal there, in the frame of its link. Shape (3,).
             rng: Source of what the joints leave to chance.

@@ -58,9 +58,6 @@ def run_unmarked(
     Args:
         robots: Who know themselves and their mirrors.
         looks: Of each robot, at random poses, with the lights in turn.
-
-    Returns:
-        All looks.
     """
     done: list[Look] = []
     shown: tuple[MirrorLook, MirrorLook] | None = None

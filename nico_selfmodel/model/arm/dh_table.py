@@ -66,9 +66,6 @@ class DhTable:
             like: A table whose signs and gauge are followed, so that two versions of one arm can
                 be compared number by number. Which rows are Hayati's is told by these lines alone:
                 a row made like one of other axes would put its feet tens of metres away.
-
-        Returns:
-            The table of the same arm.
         """
         parallel = parallel_rows(chain.directions)
         flip = np.zeros(len(parallel), dtype=bool)

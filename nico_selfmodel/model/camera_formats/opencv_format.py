@@ -30,7 +30,6 @@ def opencv_text(cameras: Mapping[str, Camera], *, as_json: bool) -> str:
 
     Args:
         cameras: Left and right, or one of them.
-        as_json: JSON in place of YAML.
 
     Raises:
         ModelError: If pixels are sheared, or two cameras have lenses or images of different kinds.

@@ -153,9 +153,6 @@ class Camera:
         Args:
             p_WQ: Points in front of the camera [m]. Shape (N, 3).
 
-        Returns:
-            Pixels and derivatives.
-
         Raises:
             ImpossibleModelError: If a point is not in front of the camera.
         """

@@ -72,9 +72,6 @@ class MirrorRig:
 
         Args:
             p_WQ: Points [m]. Shape (N, 3).
-
-        Returns:
-            Pixels and derivatives in both cameras.
         """
         return reflected_projection(self.rig.cameras, self.mirror.values, p_WQ)
 
@@ -139,9 +136,6 @@ def reflected_projection(
         cameras: C of them; the mirror stands in the frame of the first.
         values: `Mirror.values`. Shape (3,).
         p_WQ: Points [m]. Shape (N, 3).
-
-    Returns:
-        Pixels and derivatives.
     """
     p_WQ = np.asarray(p_WQ, dtype=float)
     plane, by_values = plane_of_values(values, cameras[0].X_WC)

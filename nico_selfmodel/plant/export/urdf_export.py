@@ -64,9 +64,6 @@ def learned_urdf(
             Absolute and `package://` paths always stay.
         shape: What links look like as they were learned; they look as described if omitted.
 
-    Returns:
-        The file's content.
-
     Raises:
         ModelError: If the model has other joints than the description, the URDF is gone, or the
             shape is of links that the robot has not.

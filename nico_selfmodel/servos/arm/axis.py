@@ -26,8 +26,6 @@ class Axis:
         """Stand for a joint; sends nothing.
 
         Args:
-            joint: Its configuration.
-            motor: Its motor.
             port: Of the motor's bus, for its time.
             heartbeat: How far ahead a goal may lie [s].
         """

@@ -47,7 +47,6 @@ class ArmController(ClosedAtEnd):
 
         Args:
             bus: Its motors, of any make, on their open port.
-            config: Its joints.
             servos: Of its self-model; gears of 1 and zeros of 0 if omitted.
             trust_zero: Accept poses though a zero was not set since power-up.
 
@@ -275,9 +274,6 @@ class ArmController(ClosedAtEnd):
 
     def cycle(self) -> ArmState:
         """Read every joint once and move the goals on.
-
-        Returns:
-            What is known now.
 
         Raises:
             BusError: If a motor is lost; it is named, and the others were stopped.

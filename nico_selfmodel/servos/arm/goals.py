@@ -36,7 +36,6 @@ class Goals:
         """Have nowhere to go.
 
         Args:
-            joint: Its configuration.
             heartbeat: How far ahead a goal may lie [s].
         """
         self.heartbeat = heartbeat

@@ -29,8 +29,6 @@ def import_lerobot(path: str | Path, make: Make, name: str, *, max_velocity: flo
 
     Args:
         path: Its calibration file.
-        make: Of its servos.
-        name: What to call it.
         max_velocity: Of every joint [rad/s]; the file has none.
 
     Raises:

@@ -35,9 +35,6 @@ _HOME_KEYS = ("method", "at_deg", "speed_deg_s", "travel_deg")
 def load_servo_config(path: str | Path) -> ServoConfig:
     """Read a servo configuration.
 
-    Returns:
-        The configuration, checked.
-
     Raises:
         DataError: If the file is missing or not valid; names file and key.
     """

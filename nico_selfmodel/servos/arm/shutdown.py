@@ -12,7 +12,6 @@ def stop_each(bus: JointBus, axes: Sequence[Axis], *, smoothly: bool = True) -> 
     """Stop axes and have them hold: all at once, then each by itself, as a group cannot answer.
 
     Args:
-        bus: Their bus.
         axes: Which were enabled.
         smoothly: Brake, instead of stopping at once.
 

@@ -9,7 +9,6 @@ def zero_here(arm: ArmController, joint: str, angle: float | None = None) -> Non
     """Say that a joint stands at its home now. Nothing moves; best with the motors off.
 
     Args:
-        arm: A connected arm.
         joint: Which.
         angle: Encoder angle where it stands [rad]; that of its home if omitted.
 

@@ -32,12 +32,7 @@ class DynamixelJointBus(RegisterJointBus):
     model_register, models = MODEL_REGISTER, MODELS
 
     def __init__(self, bus: RegisterBus, config: ServoConfig) -> None:
-        """Describe them.
-
-        Args:
-            bus: Their bus, open.
-            config: Which they are.
-        """
+        """Describe them."""
         super().__init__(bus, config)
         for motor in self.motors:
             assert isinstance(motor, DynamixelMotor)

@@ -41,8 +41,6 @@ class PicServoMotor:
         """Stand for a board; sends nothing.
 
         Args:
-            joint: Its configuration.
-            board: The board.
             group: Of the modules of the arm that are enabled.
         """
         self.joint, self.board, self.group = joint, board, group
@@ -166,12 +164,7 @@ class PicServoJointBus:
     """
 
     def __init__(self, bus: Bus, config: ServoConfig) -> None:
-        """Describe them; sends nothing.
-
-        Args:
-            bus: Their bus, open.
-            config: Which they are.
-        """
+        """Describe them; sends nothing."""
         self.bus, self.config = bus, config
         self.group = group_of([joint.address for joint in config.joints])
         """Of the modules that are enabled; packets to it reach no other board."""
@@ -195,7 +188,6 @@ class PicServoJointBus:
         """Find the boards on a port, and give addresses to new ones; moves and resets nothing.
 
         Args:
-            port: Serial port.
             baud: Rate of the line; the one that boards come up with if None.
             last: Highest address to look at.
 

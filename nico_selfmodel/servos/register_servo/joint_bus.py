@@ -33,12 +33,7 @@ class RegisterJointBus:
     """Model number -> name, of those whose registers are known."""
 
     def __init__(self, bus: RegisterBus, config: ServoConfig) -> None:
-        """Describe them.
-
-        Args:
-            bus: Their bus, open.
-            config: Which they are.
-        """
+        """Describe them."""
         self.bus, self.config, self.port = bus, config, bus.port
         self.motors = [self.motor_type(joint, bus) for joint in config.joints]
 
@@ -58,7 +53,6 @@ class RegisterJointBus:
         """Return the servos that answer at the first rate at which any does; changes nothing.
 
         Args:
-            port: Serial port.
             baud: Rate of the line; every rate of the make if None.
             last: Highest id to look at.
 
@@ -206,7 +200,6 @@ def model_of(bus: RegisterBus, address: int, register: int, block: tuple[int, in
     """Return the model number of the servo at an id.
 
     Args:
-        bus: Its bus.
         address: The id.
         register: Of the model number.
         block: Registers that differ between any two servos.

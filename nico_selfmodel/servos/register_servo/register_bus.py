@@ -26,7 +26,6 @@ class RegisterBus(PortOwner):
         Args:
             port: An open port that nobody else reads or writes.
             sdk: How packets of this make look.
-            settings: How patient to be.
         """
         super().__init__(port, settings)
         self.sdk = sdk

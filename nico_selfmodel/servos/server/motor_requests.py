@@ -83,7 +83,6 @@ def number(value: object, what: str) -> float:
     """Return a number that a request holds.
 
     Args:
-        value: What it holds.
         what: What that is, for the message.
 
     Raises:

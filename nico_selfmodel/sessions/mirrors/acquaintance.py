@@ -69,7 +69,6 @@ def learn_six_joints(
     its middle, next to the last two axes, hardly does.
 
     Args:
-        world: What is wrong with its body.
         seed: Which robot.
         held_out: Poses to judge by; in a third of them the hand is seen.
     """

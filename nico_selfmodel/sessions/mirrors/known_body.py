@@ -151,9 +151,6 @@ def know_body(
         image: What the robot expects, fresh; it stands and is lit as was learned afterwards.
         shots: Of the unmarked body, of every mirror that shall be known.
 
-    Returns:
-        What is known now.
-
     Raises:
         EstimationError: If the pictures hardly show the body.
     """

@@ -123,7 +123,6 @@ def learn_shape(
     and all is learned anew.
 
     Args:
-        looks: Pictures in mirrors.
         model: Who has learned the mirrors and the cameras; the left one is W.
         skeleton: Where the joints of the robot are, by which links are told apart.
         poses: Link -> its pose in W. Shape (4, 4) each.

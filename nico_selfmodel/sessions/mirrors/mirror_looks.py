@@ -120,7 +120,6 @@ class MirrorLooks:
             station: Open, with a mirror; it is not closed here.
             image: What the robot expects; it is not closed here.
             model: What it has learned of arm and cameras.
-            mirror: As it has learned it.
             X_BM: Where the glass really stands, in the frame of the arm's base. Shape (4, 4).
             unknown: What body and colours are not known by; what the description is if omitted.
         """
@@ -140,7 +139,6 @@ class MirrorLooks:
         """Have another mirror before the robot.
 
         Args:
-            mirror: As it has learned it.
             X_BM: Where the glass really stands, in the frame of the arm's base. Shape (4, 4).
         """
         self._mirror = mirror

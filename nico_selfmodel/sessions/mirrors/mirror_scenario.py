@@ -75,7 +75,6 @@ def learn_mirror(
 
     Args:
         model: What the robot has learned of arm and cameras.
-        world: What is wrong with its body.
         seed: Which robot.
         marker: What is tracked on the hand.
         familiar: Readings at which the arm was learned: poses near them are preferred. (K, n).
@@ -85,9 +84,6 @@ def learn_mirror(
             omitted.
         arm: Its arm, if that is another one than `looking_arm`.
         choices: Poses of the hand in each mirror from which to choose.
-
-    Returns:
-        What was recorded and learned.
 
     Raises:
         EstimationError: If no plane fits.

@@ -112,7 +112,6 @@ class NicoBeforeMirrors:
         """Plan direct views, then every mirror, with some poses to spare.
 
         Args:
-            station: Of the day.
             poses: Wanted in each mirror.
             direct: Wanted without one.
             best: Choose the poses that tell most of a mirror; otherwise any.
@@ -172,7 +171,6 @@ class NicoBeforeMirrors:
             spare: Poses planned for each that is wanted before a mirror, visited until that many
                 show the hand to both cameras.
             folder: Where to keep samples from the first one on; resumed if it is there.
-            keep_images: Keep the pictures in the folder.
 
         Returns:
             Rows of direct views and of reflections; the latter name their mirror.

@@ -100,7 +100,6 @@ def own_shots(
     """Return what a recording kept of looks into mirrors that the model knows.
 
     Args:
-        folder: In which it lies.
         most: Poses before each mirror.
 
     Returns:

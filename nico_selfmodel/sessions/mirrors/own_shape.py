@@ -76,7 +76,6 @@ def _looked(
     """Let a robot look at itself in two mirrors and in more that its hand has told.
 
     Args:
-        known: The robot.
         nico: As it is rendered.
         model: Who knows all these mirrors.
         told: Where the glasses of the further ones really stand, X_BM. Shape (4, 4) each.
@@ -124,7 +123,6 @@ def learn_own_shape(
     """Let a robot make its own acquaintance as before the mirror test, and learn its shape.
 
     Args:
-        world: What is wrong with its body.
         seed: Which robot.
 
     Raises:

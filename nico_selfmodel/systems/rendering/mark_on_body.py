@@ -116,7 +116,6 @@ class MarkOnBody:
         """Put a mark on; those that are there stay.
 
         Args:
-            context: The scene graph's own.
             mark: The mark; what of it hangs beyond an edge of the surface is left out.
 
         Raises:

@@ -133,7 +133,6 @@ def put_mirror(station: System, context: Context, X_BM: NDArray | None) -> None:
 
     Args:
         station: With such a port, as `NicoStation` has it.
-        context: The station's own.
         X_BM: Pose of the glass in the frame of the arm's base; None puts it away. Shape (4, 4).
     """
     pose = AWAY if X_BM is None else RigidTransform(pose=np.asarray(X_BM, dtype=float))

@@ -53,7 +53,6 @@ class BodyMechanics(JointMechanics):
         """Build one instance of a body.
 
         Args:
-            imperfections: How far it may be from that.
             seed: Which one.
             rig: The cameras as built; each `X_WC` is its pose in the frame it is mounted on.
 

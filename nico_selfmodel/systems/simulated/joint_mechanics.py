@@ -136,7 +136,6 @@ def built_servos(
     Args:
         joints: Names. Length n.
         gear: Gears as designed. Shape (n,).
-        imperfections: How far it may be from that.
     """
     n = len(joints)
     return ServoMap(

@@ -40,7 +40,6 @@ class Mechanics(JointMechanics):
         """Build one instance of an arm.
 
         Args:
-            imperfections: How far it may be from that.
             seed: Which one; its stops come from this alone.
             rng: Source of geometry, gears and encoder zeros.
 

@@ -41,7 +41,6 @@ class MotionCapture(Closable, LeafSystem):
             sigma: Noise of each coordinate [m].
             dropout_share: Share of measurements in which a marker is lost.
             rate: Frames a second [1/s].
-            seed: Of noise and drop-outs.
 
         Raises:
             ValueError: If there are no markers or a number is out of range.

@@ -65,7 +65,6 @@ class SimulatedRobot:
         """Build one that motion capture watches.
 
         Args:
-            imperfections: What is wrong with robot and tracker.
             seed: Which one: its geometry, gears and encoder zeros.
             session: Of the random things that happen to it: play, noise, lost markers.
 

@@ -59,7 +59,6 @@ class NicoHardwareStation(OpenedAtStart, Diagram):
         """Compose the robot.
 
         Args:
-            servos: Its servos, not open yet.
             cameras: Its cameras, not open yet; none if omitted.
             motion_capture: Connected to whoever tracks markers; closed by who made it.
             joints: Which joints the ports are about; all of the servos if omitted.
@@ -132,7 +131,6 @@ class NicoHardwareStation(OpenedAtStart, Diagram):
 
         Args:
             sensor: `cameras` or `motion-capture`.
-            keep_images: Keep the pictures in the measurements.
 
         Raises:
             RobotError: If that sensor is not there, or the station is not open.

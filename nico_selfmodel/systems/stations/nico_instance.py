@@ -48,7 +48,6 @@ class NicoInstance:
         """Build one.
 
         Args:
-            imperfections: How far it may be from that.
             seed: Which one.
             cameras: As designed; where they are mounted is the description's business.
 

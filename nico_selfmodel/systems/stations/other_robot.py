@@ -76,7 +76,6 @@ def add_other_robot(
         builder: Of the station.
         scene_graph: What the station's cameras see.
         body: The first robot.
-        seed: Of the station's noise.
 
     Returns:
         The system that says where it stands, and the robot in the scene graph.

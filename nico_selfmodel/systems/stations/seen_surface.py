@@ -73,7 +73,6 @@ class SeenSurface:
         They are drawn evenly over the left camera's picture.
 
         Args:
-            links: On which.
             count: How many at most.
             across: Diameter of what is put there: a disc that lies so flat to a line of sight that
                 it looks narrower than a pixel is not seen [m].

@@ -36,7 +36,6 @@ class WholeNico:
         """Build one; its lenses are those of the `NicoInstance` of this seed.
 
         Args:
-            imperfections: How far it may be from that.
             seed: Which one.
             cameras: As designed; where they are mounted is the description's business.
 

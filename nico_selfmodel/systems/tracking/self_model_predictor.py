@@ -44,7 +44,6 @@ def SelfModelPredictor_(T: Any) -> Any:
             """Take a self-model.
 
             Args:
-                model: With an arm.
                 marker: Which tracked point; the first one if omitted.
                 converter: Between scalars, Drake's own business.
 

@@ -25,7 +25,6 @@ def fiducial_detectors(
     Args:
         centers: Name -> id of markers whose centres are wanted.
         corners: The same of those whose corners are: `corner_names` of each name.
-        family: Their family.
         rig: The calibrated cameras, whose lenses are then taken out before points are located.
 
     Raises:
@@ -47,7 +46,6 @@ def fiducials_in_mirror(
 
     Args:
         centers: As in `fiducial_detectors`.
-        family: Their family.
         rig: The calibrated cameras, whose lenses are then taken out before points are located.
 
     Raises:

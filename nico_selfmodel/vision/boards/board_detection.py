@@ -30,7 +30,6 @@ def grid_points(columns: int, rows: int, step: float, shift: int = 0) -> NDArray
 
     Args:
         columns: Points in a row.
-        rows: Rows.
         step: Distance of neighbours [m].
         shift: 1 where every other row is moved by `step` and neighbours in a row are two apart.
 

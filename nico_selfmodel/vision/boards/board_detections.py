@@ -98,7 +98,6 @@ class Photographs(Mapping[str, NDArray]):
         """Remember where they are.
 
         Args:
-            camera: Whose they are.
             files: View -> photograph.
         """
         self._files = files

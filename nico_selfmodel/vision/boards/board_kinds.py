@@ -26,7 +26,6 @@ def board_of(
             rows.
         square_mm: Side of a square; of AprilGrids and circles the distance of neighbours [mm].
         tag_mm: Side of a tag, diameter of a circle [mm].
-        family: Of the tags.
 
     Raises:
         ValueError: If the text is something else, or the board cannot be.

@@ -71,9 +71,7 @@ def layout_of(boards: Sequence[T], corners: Callable[[T], NDArray], tags: TagsSe
     """Return the first of some boards on which tags lie as they were seen.
 
     Args:
-        boards: To be tried.
         corners: Returns the corners of all tags on one [m]. Shape (T, 4, 2).
-        tags: Seen.
     """
     for board in boards:
         placed = corners(board)
@@ -87,7 +85,6 @@ def lie_on(corners: NDArray, tags: TagsSeen, some: Sequence[int]) -> bool:
 
     Args:
         corners: Of all tags on the board [m]. Shape (T, 4, 2).
-        tags: Seen.
         some: Ids of those that are asked about.
     """
     H = _centres_homography(corners, tags.among(set(tags.ids) - set(some)))

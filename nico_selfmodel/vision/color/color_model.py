@@ -172,9 +172,6 @@ class ColorModel:
     def load(cls, path: str | Path) -> "ColorModel":
         """Read a file that `save` wrote, or a person changed.
 
-        Returns:
-            The thresholds.
-
         Raises:
             DataError: If it cannot be read, is of another format, lacks a key, has one that nobody
                 reads, or a value is out of range.

@@ -57,7 +57,6 @@ class FiducialSearch:
 
         Args:
             image: Grey or BGR, 8 bits. Shape (h, w) or (h, w, 3).
-            family: The family or its name.
             mirrors: Look for reflections too, which takes about twice the time.
 
         Raises:

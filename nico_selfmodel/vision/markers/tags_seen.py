@@ -59,7 +59,6 @@ def seen_tags(gray: NDArray, family: str, border: int = 1, *, apart: bool = True
 
     Args:
         gray: The image, 8 bits. Shape (h, w).
-        family: Their family.
         border: Width of the black border [cells].
         apart: Whether white surrounds each tag; tags whose corners touch black squares are first
             cut off from them, by a dilation of what is light.
@@ -85,7 +84,6 @@ def read_tags(image: NDArray, family: str, border: int = 1) -> list[tuple[int, N
 
     Args:
         image: 8 bits. Shape (h, w).
-        family: Of the tags.
         border: Width of their black border [cells].
     """
     corners, ids, _ = _detector(family, border).detectMarkers(image)

@@ -159,7 +159,6 @@ def surprise(picture: NDArray, expected: Expectation) -> Surprise:
 
     Args:
         picture: BGR, 8 bits. Shape (h, w, 3).
-        expected: What was expected.
 
     Returns:
         The chi-square picture and the gain.
@@ -202,7 +201,6 @@ def log_likelihood(picture: NDArray, expected: Expectation) -> NDArray:
 
     Args:
         picture: BGR, 8 bits. Shape (h, w, 3).
-        expected: What was expected.
 
     Returns:
         nan where nothing is judged. Shape (h, w).
@@ -225,7 +223,6 @@ def held_against(
 
     Args:
         picture: BGR, 8 bits. Shape (h, w, 3).
-        expected: What was expected.
         gain: How much brighter the picture is; found if omitted.
 
     Returns:

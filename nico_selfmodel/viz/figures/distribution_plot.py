@@ -58,9 +58,7 @@ def distribution(sets: Sequence[ErrorSet], *, unit: str, what: str, thing: str) 
 
     Args:
         sets: One curve each, the most telling first: the headline is about it.
-        unit: Of the errors.
         what: What an error is.
-        thing: What has one.
     """
     with style():
         figure = PlainFigure(figsize=(HALF_WIDTH, 4.2))

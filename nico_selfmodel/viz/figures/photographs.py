@@ -20,7 +20,6 @@ def photograph_of(
     """Return one photograph, or None where there is none.
 
     Args:
-        side: Which camera.
         image_size: Width and height that were calibrated [px].
 
     Returns:

@@ -110,7 +110,6 @@ def dots(axes: Axes, x: NDArray, y: NDArray, *, color: str, size: float) -> None
         axes: Where.
         x: Of the points, and y of them likewise.
         y: Where they stand.
-        color: Of all.
         size: Their diameter [pt].
     """
     if len(x) > MANY:

@@ -61,7 +61,6 @@ class Screen:
         """Return a line of words below the screen.
 
         Args:
-            color: Of the letters.
             line: Its number, from 0.
         """
         down = (0.56 + 0.14 * line) * self.height

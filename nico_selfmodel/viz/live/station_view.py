@@ -59,7 +59,6 @@ class StationView(HandView):
         """Draw everything once.
 
         Args:
-            model: Arm and cameras as learned.
             glass: A mirror before the robot that the model knows, if any.
             recording: Keep every `show` as a frame of an animation, for `html`.
 

@@ -39,7 +39,6 @@ def camera_report(
     """Return what views of a board tell of cameras.
 
     Args:
-        assessment: What was learned and what it is worth.
         document: `estimation.judging.to_json` of it; the numbers shown are these. Its
             `detection` may hold `files`, camera -> view -> name.
         images: Photographs: camera -> view -> red, green and blue.

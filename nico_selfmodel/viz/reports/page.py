@@ -153,7 +153,6 @@ def key_number(
         quantity: `position_mm`, `pixels` or `angle_deg`.
         things: What the errors are of.
         statistics: What is shown large, and what small.
-        digits: Decimals that are shown.
         note: What else to show small.
 
     Raises:

@@ -171,7 +171,6 @@ def section(title: str, *parts: Any, **more: str) -> Section:
     """Return a section of the parts that there are; None stands for one that there is not.
 
     Args:
-        parts: What stands in it.
         more: `message`, `id` and `kind`.
     """
     return Section(title, tuple(part for part in parts if part is not None), **more)

@@ -35,7 +35,6 @@ def servo_report(calibration: ServoCalibration, document: Mapping[str, Any]) -> 
     """Return how the servos of a robot follow their commands.
 
     Args:
-        calibration: What was learned.
         document: `estimation.judging.to_json` of it; the numbers shown are these.
     """
     joints = calibration.joints

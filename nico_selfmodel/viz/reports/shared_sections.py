@@ -28,7 +28,6 @@ def errors_section(
         shown: Tables and what their numbers are, the most telling first; None are left out.
         few: Why there might be no cross-validation.
         more: `id` of the section that tells more of the outliers.
-        figure: Stands beside the tables.
         ending: A part that stands last.
     """
     tables = [
@@ -72,7 +71,6 @@ def changes_section(
         things: What errors are of, as `poses`.
         before_is: What stands before.
         shown: Which changes are shown unfolded.
-        digits: Decimals of the errors.
     """
     before, changes = document["before"], document["before"]["changes"]
     errors = [

@@ -65,7 +65,6 @@ def statistics_cells(
     Args:
         block: One set of errors of a document.
         quantity: `position_mm` or `pixels`.
-        digits: Decimals that are shown.
         things: What there are n of.
     """
     values, count = block[quantity], block.get("n")
@@ -91,7 +90,6 @@ def error_table(
     Args:
         blocks: What to show; sets without the quantity are left out.
         heading: Of the column that names the sets.
-        digits: Decimals that are shown.
         things: What there are n of.
         arm_mm: Length of an arm of which the means are shares [mm].
     """

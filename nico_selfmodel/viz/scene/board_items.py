@@ -45,7 +45,6 @@ def board_name(
     Args:
         p_GQ: Corners on the board [m]. Shape (P, 3).
         X_WG: Pose of the board. Shape (4, 4).
-        color: Of the letters.
         R_WL: Attitude of the first camera. Shape (3, 3).
     """
     outline = board_outline(p_GQ, X_WG)

@@ -166,7 +166,6 @@ def epipolar_items(
     """Return the rays, plane and lines of one corner.
 
     Args:
-        calibration: What was learned of a pair.
         planes: Where each camera's image is drawn.
         X_WL: Pose of the first camera in the scene. Shape (4, 4).
         corner: Number of the corner, seen by both cameras in it.

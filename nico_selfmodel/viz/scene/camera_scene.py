@@ -39,7 +39,6 @@ def camera_scene(
 
     Args:
         images: Photographs: camera -> view -> red, green and blue. Those of one view are shown.
-        name: What the cameras are called.
 
     Returns:
         Cameras with their images, boards coloured by their errors, and of a pair the rays and the

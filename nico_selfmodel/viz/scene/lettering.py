@@ -21,7 +21,6 @@ def label(
 
     Args:
         text: One line.
-        color: Of the letters.
         height: Of the line [m].
         X_WI: Frame whose x the words run along and whose y is down. Shape (4, 4).
         anchor: The words' point that lies at the frame's origin, right and down from their top

@@ -101,7 +101,6 @@ def plate_items(
         path: Of the mirror; its items are `glass` and `edge` below it.
         plate: Corners, one after the other. Shape (4, 3).
         glass: The same of the glass, which may lie behind its picture.
-        color: Of the glass.
         radius: Of the edge [m].
     """
     faces, edge = np.array([[0, 1, 2], [0, 2, 3]]), palette.rgba(palette.MUTED)

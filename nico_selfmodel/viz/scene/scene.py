@@ -105,9 +105,6 @@ class Scene:
         Args:
             text: What `to_json` returned.
 
-        Returns:
-            The same scene.
-
         Raises:
             ModelError: If the text is not a scene, or one of another version.
         """

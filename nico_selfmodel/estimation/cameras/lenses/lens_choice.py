@@ -150,7 +150,6 @@ def _best_of(
     """Return the lens that boards tell, p1 and p2 free or held as the options say.
 
     Args:
-        options: What is held and free.
         near: Cameras of the polynomial to begin with; found anew if omitted.
     """
     plain = replace(options, lens=POLYNOMIAL)

@@ -24,13 +24,10 @@ from nico_selfmodel.estimation.noise.joint_slips import (
     gain_of_errors,
     gain_of_slips,
 )
-from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.pose_noise import FREE_SIGMA
 from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
-from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.pose_tests import LOUDEST, far_observations
-from nico_selfmodel.estimation.tree.tree_noise import likeliest_noise, tree_whitening
-from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_noise import NoiseEvidence, likeliest_noise, tree_whitening
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.optimization.uncertainty import covariance_told_by
@@ -92,26 +89,20 @@ def noise_to_expect(problem: TreeProblem, solution: TreeSolution) -> TreeNoise:
     if as_before or errors.of_sensors > errors.gain_of(~seen.unread):
         return noise
     sound = replace(solution, slipped=faults, outliers=outliers)
-    asked = problem.asking_at(sound)
-    likeliest = likeliest_noise(*asked)
-    joint = likeliest.joint * np.sqrt(1.0 + _doubts(*asked[:4], likeliest, asked[5]))
+    evidence = problem.evidence_at(sound)
+    likeliest = likeliest_noise(evidence, problem.noise)
+    joint = likeliest.joint * np.sqrt(1.0 + _doubts(evidence, likeliest))
     return replace(noise, joint=np.maximum(noise.joint, joint))
 
 
-def _doubts(
-    seen: TreeObservations,
-    linear: TreeLinear,
-    groups: PoseGroups,
-    slipped: NDArray | None,
-    noise: TreeNoise,
-    information: NDArray,
-) -> NDArray:
+def _doubts(evidence: NoiseEvidence, noise: TreeNoise) -> NDArray:
     """Return V of each joint's variance, as `likeliest_noise` found it. Shape (m,)."""
-    scale = noise.sensor[seen.noise_group]
-    S = tree_whitening(seen, linear, groups, noise, slipped)
+    linear, groups, slipped = evidence.linear, evidence.groups, evidence.slipped
+    scale = noise.sensor[evidence.data.noise_group]
+    S = evidence.whitening(noise)
     X = groups.gather((np.vstack([linear.r, linear.J]) / scale).T[:, None])
     J, solved, A = X[:, 1:], S.inverse(X), S.lever
-    C = covariance_told_by(J.T @ solved[:, 1:] + np.diag(information))
+    C = covariance_told_by(J.T @ solved[:, 1:] + np.diag(evidence.information))
     left = solved[:, :1] - solved[:, 1:] @ (C @ (J.T @ solved[:, :1]))
     told = groups.products(A, S.inverse(A))
     along = groups.products(A, np.column_stack([left, solved[:, 1:]]))
@@ -126,11 +117,13 @@ def _doubts(
 
 def _beyond_joint_noise(problem: TreeProblem, solution: TreeSolution) -> NDArray:
     """Return observations that joint noise is not large enough for, were it `_LARGER` times so."""
-    seen, linear, groups, slipped, noise, known = problem.asking_at(solution)
-    loud = replace(noise, joint=_LARGER * noise.joint)
-    slipped = np.zeros((groups.poses, len(loud.joint)), bool) if slipped is None else slipped
-    whitening = tree_whitening(seen, linear, groups, loud, slipped)
-    return far_observations(seen, whitening, linear, loud, known, solution.outliers, slipped)
+    evidence, noise = problem.evidence_at(solution), problem.noise
+    loud, slipped = replace(noise, joint=_LARGER * noise.joint), evidence.slipped
+    if slipped is None:
+        slipped = np.zeros((evidence.groups.poses, len(loud.joint)), dtype=bool)
+    whitening = replace(evidence, slipped=slipped).whitening(loud)
+    how = whitening, evidence.linear, loud, evidence.information
+    return far_observations(evidence.data, *how, solution.outliers, slipped)
 
 
 @dataclass(frozen=True, eq=False)

@@ -159,7 +159,6 @@ class TreeResiduals:
         About errors e of the joints residuals are those of readings that do not err: r(e) - A e.
 
         Args:
-            values: Of all parameters.
             start: See `whole_poses`.
         """
         tree = self.parameters.tree_of(values)

@@ -131,7 +131,6 @@ def placed_by_known(
 
     Args:
         blank: The body with its lenses and the places of known markers.
-        rows: What the camera saw.
         known: Which markers these are, of the room or of a link that takes its part. Shape (m,).
 
     Raises:
@@ -166,7 +165,6 @@ def points_on_known_links(
 
     Args:
         blank: The body with its lenses and the places of known markers.
-        rows: What the camera saw.
 
     Raises:
         DataError: If it saw a link with six such markers in fewer than six samples.

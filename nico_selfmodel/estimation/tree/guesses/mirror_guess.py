@@ -56,7 +56,6 @@ def mirrors_in(
     Args:
         data: The recording, with the body's markers in its order.
         tree: The body, nearly as it is.
-        seed: Of the pairs that are drawn.
 
     Returns:
         The mirrors, the cameras and what they saw in front of each.

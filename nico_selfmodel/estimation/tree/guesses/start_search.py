@@ -78,7 +78,6 @@ def searched_start(
     Args:
         blank: The body with nothing known of its geometry.
         description: The robot as described, where it is.
-        wishes: What the user holds, frees or knows.
         guessed: Cameras whose lenses are hardly known.
         most: First bodies that are tried at most.
 

@@ -52,12 +52,7 @@ class DescribedScale:
     def of(
         cls, problem: TreeProblem, solution: TreeSolution, setup: TreeSetup, known: Uncertainty
     ) -> "DescribedScale | None":
-        """Ask for it; None where something else tells lengths, or much the description's sigma.
-
-        Args:
-            solution: Where it ended.
-            known: The covariance of that.
-        """
+        """Ask for it; None where something else tells lengths, or much the description's sigma."""
         if setup.scale_from != DESCRIBED or not setup.alike:
             return None
         priors = problem.priors
@@ -113,7 +108,6 @@ def contradicted_description(
     Args:
         priors: Of the description's parts.
         values: Of these parts.
-        known: The covariance.
     """
     for parts in (SHIFTS, TURNS):
         own = [name for name in priors if name.rpartition(".")[2] in parts]

@@ -82,7 +82,6 @@ def place_mirrors(
     Args:
         parameters: Of the body, its mirrors anywhere.
         values: Of its parameters. Shape (P,).
-        free: Names of what is estimated.
         fixed: Values at which the user holds some.
 
     Returns:

@@ -30,7 +30,6 @@ def late_sensors(
     """Find sensors that lag behind the readings or lead them, and encoders that do.
 
     Args:
-        solution: Where it ended.
         besides: Samples of the same recording that were held out, which tell how joints moved
             between the others.
         bends: Whether the body has what bends in it, which else is granted to all joints.

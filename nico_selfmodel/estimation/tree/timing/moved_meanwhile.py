@@ -51,9 +51,6 @@ _MOST_SPANS, _FEWEST_SPANS = 400, 20
 def moved_meanwhile(problem: TreeProblem, solution: TreeSolution) -> Change | None:
     """Find what changed in the middle of a recording.
 
-    Args:
-        solution: Where it ended.
-
     Returns:
         The change that explains most, or None where there is none.
     """

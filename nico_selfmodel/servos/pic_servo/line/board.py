@@ -55,7 +55,6 @@ class PicServo:
         """Stand for the module at an address.
 
         Args:
-            bus: Its bus.
             address: 1-127.
         """
         self.bus, self.address = bus, address

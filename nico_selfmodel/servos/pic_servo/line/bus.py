@@ -44,7 +44,6 @@ class Bus(PortOwner):
         Args:
             name: `/dev/serial/by-id/...`, or of a `SimulatedBus`.
             rate: Of the line [baud].
-            settings: How patient to be.
 
         Raises:
             PortLostError: If the port cannot be opened; says why.

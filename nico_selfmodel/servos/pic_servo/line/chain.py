@@ -45,7 +45,6 @@ def scan(
     """Find all modules and give addresses to those that have none. Moves and resets nothing.
 
     Args:
-        bus: An open bus.
         addresses: Where to look, and what the modules along the chain are to be called; 1 to 32
             if omitted.
         attempts: How often to ask an address that is silent.
@@ -77,7 +76,6 @@ def _assign(bus: Bus, free: Sequence[int], known: list[int]) -> list[int]:
     """Give addresses to the modules that wake up one after another at address 0.
 
     Args:
-        bus: An open bus.
         free: Addresses where nobody answered.
         known: Where somebody did; grows by who was only slow.
 

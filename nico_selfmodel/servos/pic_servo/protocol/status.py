@@ -106,9 +106,6 @@ def decode_status(items: int, reply: bytes) -> Status:
         items: The status mask under which it was sent.
         reply: The bytes, status byte to checksum.
 
-    Returns:
-        What it says.
-
     Raises:
         DamagedPacketError: If its length or checksum is wrong, or it is all zeros (which a dead
             line gives, and which passes the checksum).

@@ -90,7 +90,6 @@ def _fix_label(axis: Axis, out: int, side: int, off: float) -> None:
     """Stand the label of an axis off its panel, wherever that moves to.
 
     Args:
-        axis: It.
         out: Direction in which it stands off, 0 for x, 1 for y.
         side: 0 below or left of the panel, 1 above or right of it.
         off: How far [inch].
