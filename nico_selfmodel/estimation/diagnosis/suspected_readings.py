@@ -34,7 +34,7 @@ class Worth(Enum):
     """What a misfit is worth looking for."""
 
     GAPS = "readings that leave out a gap"
-    NEIGHBOURS = "these, and neighbouring columns that are exchanged"
+    NEIGHBOURS = "these, and neighbouring columns that are exchanged, or sums of each other"
     EVERYTHING = "all there is"
 
 
@@ -112,6 +112,7 @@ def suspicions_of(
     if worth is not Worth.GAPS:
         few = few_rows(observations, 0)
         yield from _exchanged(few, gear_pinned, all_pairs=worth is Worth.EVERYTHING)
+        yield from _mixed(few, gear_pinned)
     if worth is not Worth.EVERYTHING:
         return
     if held.any():
@@ -122,7 +123,6 @@ def suspicions_of(
             gears_in_question=True,
         )
     yield from lagging(observations, gear_pinned, (-2, 2))
-    yield from _mixed(few_rows(observations, 0), gear_pinned)
 
 
 def lagging(
