@@ -110,4 +110,4 @@ def _zeros(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             known = [document["parameters"][name] for name in parts if name in
                      document["parameters"]]  # fmt: skip
             sigma = f"+- {factor * known[0]['sigma']:.2f} {unit}" if known else "held"
-            yield f"zero of {joint}", f"moved by {shift:+z.2f} {unit}, {sigma}"
+            yield f"zero of {joint}", f"at one reading moved by {shift:+z.2f} {unit}, {sigma}"

@@ -51,6 +51,19 @@ def test_a_map_says_which_column_holds_what(table):
     assert dataset.point_sigma_m == 0.001
 
 
+def test_a_reading_may_be_a_sum_of_columns_as_of_a_differential(table):
+    q_one, q_two = MAP["joints"]
+    joints = [{**q_one, "column": {"q1": 0.5, 3: -0.5}}, q_two]
+    assert import_csv(table(), {**MAP, "joints": joints}).encoders[:, 0].tolist() == [-45, -40, -35]
+
+
+def test_what_is_wrong_is_told_in_the_headings_of_the_table(table):
+    text = TABLE + "".join(f"{k},{k},9,{0 if k < 10 else k},0,0,1,1,,tip\n" for k in range(8, 30))
+    for columns, words in (({}, "row 4"), ({"sample": "id"}, "id 8")):
+        with pytest.raises(DataError, match=rf"csv: X, Y, Z are exactly 0 .* of {words}\)"):
+            import_csv(table(text), {**MAP, **columns})
+
+
 def test_samples_are_numbered_from_one_and_the_hand_is_the_marker(table):
     dataset = import_csv(table(), MAP, name="mine", source="lab")
     assert (dataset.name, dataset.source) == ("mine", "lab")
@@ -100,11 +113,15 @@ def test_the_map_may_lie_in_a_file_and_the_table_have_no_header(table, tmp_path)
         ({"joint": []}, "column map: unknown key 'joint', did you mean 'joints'"),
         ({"joints": []}, "'joints' must be a list with 'name', 'column' and 'encoder_unit'"),
         ({"joints": [{"name": "a", "encoder_unit": "rad"}]}, "joint 1: expected 'name', 'column'"),
+        (
+            {"joints": [{"name": "a", "encoder_unit": "rad", "column": {"q1": "half"}}]},
+            "joint 1: a sum of columns is a factor of each",
+        ),
         ({"sample": "ID2"}, "column 'ID2' is missing, but 'id' looks like it"),
         ({"sample": 11}, "'sample': there is no column 11; "),
         ({"sample": True}, "a column is a name or a number from 1, got True"),
         ({"sample": "X"}, "line 2, column 'X': '100.5' is not a whole number"),
-        ({"sweep": "dot"}, "line 2, column 'sweep': there is no joint 'tip'; joints are q_one"),
+        ({"sweep": "dot"}, "line 2, column 'dot': there is no joint 'tip'; joints are q_one"),
         ({"header": "no"}, "'header' must be true or false"),
         ({"not_measured": "nan"}, "'not_measured' must be a list"),
         ({"not_measured": []}, "line 4, column 'X': 'NaN' is not a finite number"),

@@ -174,6 +174,22 @@ def test_joints_told_from_the_hand_to_the_base_are_named(make_truth):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("read", "words"),
+    [
+        (lambda a, b: (a + b, a - b), "joint_1 and joint_2 turn by half the sum and half the diff"),
+        (lambda a, b: (a + b, b - a), "joint_1 and joint_2 turn by half the difference and half"),
+        (lambda a, b: (a, b - a), "joint_2 turns by the sum of what is read of joint_1 and of it"),
+        (lambda a, b: (a, a + b), "joint_2 turns by what is read of it less that of joint_1"),
+    ],
+)
+def test_drives_that_move_two_joints_are_named(train, read, words):
+    encoders = train.encoders.copy()
+    encoders[:, 1:] = np.stack(read(*train.encoders.T[1:]), axis=1)
+    assert failing(replace(train, encoders=encoders), starts=1).startswith(words)
+
+
+@pytest.mark.slow
 def test_radians_stated_as_degrees_are_named(train):
     joints = tuple(replace(joint, encoder_unit="deg") for joint in train.joints)
     reason = failing(replace(train, joints=joints), starts=1)

@@ -1,17 +1,28 @@
-"""Poses of a flange, or of what a sensor saw, that are told the other way round."""
+"""Poses of a flange, or of what a sensor saw, that are told the other way round or otherwise."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from nico_selfmodel.dataset.body.sensors import SensorInfo
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.diagnosis.turns_written import meant_turns
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.tree.guesses.flange_guess import CARRIED_NEARER, either_way
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
-from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vectors_of
+from nico_selfmodel.geometry.rotation import (
+    rotation_from_quaternion,
+    rotation_from_rpy,
+    rotation_from_vector,
+    rotation_vectors_of,
+    rpy_of,
+)
 from nico_selfmodel.geometry.transform import inverse, transform
 
+from ..slow_rest import slow_rest
+from .simulated_trees import assembled, observed, serial, tags
 from .test_hand_eye_by_corners import recorded
 from .test_one_problem import flange_dataset, hand_eye_poses
 
@@ -81,3 +92,85 @@ def test_a_flange_that_is_inverted_before_corners_is_told():
     told = np.hstack([F[:, :3, 3], rotation_vectors_of(F[:, :3, :3])])[:, None]
     with pytest.raises(DataError, match=r"invert poses of the flange, .*'camera' is then"):
         calibrate_tree(replace(data, flanges=told))
+
+
+def misread(vectors, how):
+    """Turns as they are read where they were written otherwise, as rotation vectors."""
+    R = rotation_from_vector(vectors)
+    if how == "quaternions w, x, y, z were taken for x, y, z, w":
+        half = 0.5 * np.linalg.norm(vectors, axis=1, keepdims=True)
+        q = np.hstack([np.cos(half), np.sin(half) * vectors / (2.0 * half)])
+        return rotation_vectors_of(rotation_from_quaternion(q))
+    if how == "inverse turns were taken beside places as they are":
+        return -vectors
+    rpy = np.array([rpy_of(one) for one in R])
+    if how == f"{RPY} were taken for rotation vectors":
+        return rpy
+    return rotation_vectors_of(np.array([rotation_from_rpy(*one) for one in rpy[:, ::-1]]))
+
+
+RPY = "angles about fixed x, y, z (roll, pitch, yaw)"
+MISREAD = [
+    "quaternions w, x, y, z were taken for x, y, z, w",
+    "inverse turns were taken beside places as they are",
+    f"{RPY} were taken for rotation vectors",
+    f"{RPY} were taken for angles about moving z, y, x (A, B, C)",
+]
+
+
+@pytest.mark.parametrize("how", MISREAD)
+def test_how_turns_were_written_is_told_from_what_they_were_taken_for(how):
+    meant = np.random.default_rng(0).normal(size=(20, 3))
+
+    def misfit(R, share=0.0):
+        off = rotation_from_vector(meant + share).mT @ R
+        return float(np.median(np.linalg.norm(rotation_vectors_of(off), axis=1)))
+
+    told = misread(meant, how)
+    off = misfit(rotation_from_vector(told))
+    assert how in meant_turns(off, misfit, told)
+    assert meant_turns(off, lambda R: misfit(R, off), told) == []
+
+
+@pytest.mark.parametrize("how", slow_rest(MISREAD, 1))
+def test_a_hand_eye_calibration_says_whose_turns_were_taken_for_others(how):
+    data = flange_dataset(*poses(0))
+    flanges, values = np.array(data.flanges), np.array(data.observations.values)
+    flanges[:, 0, 3:] = misread(flanges[:, 0, 3:], how)
+    values[:, 3:] = misread(values[:, 3:], how)
+    seen = replace(data.observations, values=values)
+    for told, words in (
+        (replace(data, flanges=flanges), f"in turns of the flange {how}"),
+        (replace(data, observations=seen), f"in the turns that 'camera' tells {how}"),
+        (replace(data, flanges=flanges, observations=seen), f"in turns of both {how}"),
+    ):
+        with pytest.raises(DataError, match=re.escape(words)):
+            calibrate_tree(told)
+
+
+def test_a_flange_whose_angles_were_taken_for_rotation_vectors_is_told_before_corners():
+    _, data = recorded(np.random.default_rng(0))
+    flanges = np.array(data.flanges)
+    flanges[:, 0, 3:] = misread(flanges[:, 0, 3:], MISREAD[2])
+    with pytest.raises(DataError, match=re.escape(f"in turns of the flange {MISREAD[2]}")):
+        calibrate_tree(replace(data, flanges=flanges))
+
+
+@pytest.mark.parametrize("how", slow_rest(MISREAD, 1))
+def test_turns_of_a_tracker_that_were_taken_for_others_are_told_by_the_places_it_tells(how):
+    data = before_poses(5)
+    values = np.array(data.observations.values)
+    values[:, 3:] = misread(values[:, 3:], how)
+    with pytest.raises(DataError, match=f"'tracker' .* contradict its places .*{re.escape(how)}"):
+        calibrate_tree(replace(data, observations=replace(data.observations, values=values)))
+
+
+def before_poses(seed):
+    """An arm of four joints before a tracker that tells turns, too."""
+    rng, names = np.random.default_rng(seed), ["j1", "j2", "j3", "j4"]
+    chain, frames = serial(rng, names, "world", 0.5)
+    markers, attached = tags(rng, "hand", "j4", 1)
+    sensors = [SensorInfo("tracker", "poses")]
+    tree = assembled(chain, frames, markers, attached, sensors, [np.eye(4)], {})
+    q, sigma = rng.uniform(-1.2, 1.2, size=(40, 4)), {"points": 2e-4, "turn": 2e-3}
+    return observed(tree, chain, markers, sensors, q, rng, sigma=sigma, joint_sigma=1e-3)

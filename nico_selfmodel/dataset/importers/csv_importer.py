@@ -1,6 +1,9 @@
 """Import any comma separated table, by a map that says which column holds what."""
 
-from collections.abc import Mapping, Sequence
+import re
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -8,7 +11,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from nico_selfmodel.dataset.columns import APPROACH, DEFAULT_MARKER, PIXEL_COLUMNS
+from nico_selfmodel.dataset.columns import (
+    APPROACH,
+    DEFAULT_MARKER,
+    ENCODER,
+    PIXEL_COLUMNS,
+    POINT_COLUMNS,
+)
 from nico_selfmodel.dataset.csv_table import CsvTable
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
@@ -54,6 +63,8 @@ def import_csv(
         joints:                       # in order from the base to the hand
           - {name: shoulder, column: q1, encoder_unit: counts, counts_per_turn: 4096}
           - {name: elbow, column: q2, encoder_unit: deg, lower: -5, upper: 120, approach: side2}
+          - {name: pitch, column: {m1: 0.5, m2: 0.5}, encoder_unit: deg}     # sums of columns, of
+          - {name: roll, column: {m1: 0.5, m2: -0.5}, encoder_unit: deg}     # differential drives
         point: {x: X, y: Y, z: Z, unit: mm}                  # unit: m, cm or mm
         pixels: {left_u: lu, left_v: lv, right_u: ru, right_v: rv}   # or the left pair alone
         sample: 1                     # these four are optional; samples are numbered from 1
@@ -87,19 +98,61 @@ def import_csv(
         raise DataError(f"{where}: 'header' must be true or false, got {shown(header)}")
     table = _emptied(CsvTable.read(path, header), column_map, where)
     joints, columns = _columns(table, column_map, where)
-    check_rows(columns, [joint.name for joint in joints], table.where)
     metadata = {
         "name": name or text_value(column_map, "name", where, default=path.stem),
         "source": source or text_value(column_map, "source", where, f"imported from {path.name}"),
         "point_sigma_m": number_value(column_map, "point_sigma_m", where),
         "pixel_sigma_px": number_value(column_map, "pixel_sigma_px", where),
     }
-    try:
-        dataset = Dataset(joints=joints, **metadata, **columns)
-    except (ValueError, DataError) as error:
-        raise DataError(f"{path}: {error}") from None
-    check_as_read(dataset, str(path))
+    with _in_own_headings(_headings(table, column_map, where)):
+        check_rows(columns, [joint.name for joint in joints], table.where)
+        try:
+            dataset = Dataset(joints=joints, **metadata, **columns)
+        except (ValueError, DataError) as error:
+            raise DataError(f"{path}: {error}") from None
+        check_as_read(dataset, str(path))
     return dataset
+
+
+@contextmanager
+def _in_own_headings(headings: Mapping[str, str]) -> Iterator[None]:
+    """Say what is wrong with a data set's columns of the table's: where its headings are others."""
+
+    def own(said: object) -> str:
+        return re.sub(r"[\w.]+", lambda word: headings.get(word[0], word[0]), str(said))
+
+    with warnings.catch_warnings(record=True) as doubts:
+        warnings.simplefilter("always")
+        try:
+            yield
+        except DataError as error:
+            raise DataError(own(error)) from None
+    for doubt in doubts:
+        warnings.warn(own(doubt.message), doubt.category, stacklevel=4)
+
+
+def _headings(table: CsvTable, column_map: Mapping[str, Any], where: str) -> dict[str, str]:
+    """Return the table's heading of each column of a data set that the map names.
+
+    Samples that it does not number are rows.
+    """
+    point, pixels = (column_map.get(key) or {} for key in ("point", "pixels"))
+    named = {name: point.get(axis) for name, axis in zip(POINT_COLUMNS, "xyz", strict=True)}
+    named |= {name: pixels.get(name) for name in PIXEL_COLUMNS}
+    named |= {key: column_map.get(key) for key in _ROW_KEYS}
+    for entry in column_map["joints"]:
+        named[f"{ENCODER}.{entry['name']}"] = entry["column"]
+        named[f"{APPROACH}.{entry['name']}"] = entry.get(APPROACH)
+    return {"sample": "row"} | {
+        name: " and ".join(_column(table, one, where) for one, _ in _summed(column))
+        for name, column in named.items()
+        if column is not None
+    }
+
+
+def _summed(column: Any) -> list[tuple[Any, Any]]:
+    """Return the columns that a reading is made of, each with its factor."""
+    return list(column.items()) if isinstance(column, Mapping) else [(column, 1.0)]
 
 
 def _columns(
@@ -128,7 +181,8 @@ def _columns(
 
 def _refuse_one_column_twice(table: CsvTable, column_map: Mapping[str, Any], where: str) -> None:
     """Refuse a column that is named for two quantities: one of them is another."""
-    named = {f"joint {entry['name']}": entry["column"] for entry in column_map["joints"]}
+    joints = (entry for entry in column_map["joints"] if not isinstance(entry["column"], Mapping))
+    named = {f"joint {entry['name']}": entry["column"] for entry in joints}
     point, pixels = (column_map.get(key) or {} for key in ("point", "pixels"))
     named |= {f"point {axis}": point[axis] for axis in "xyz" if axis in point}
     named |= {f"pixel {name}": pixels[name] for name in PIXEL_COLUMNS if name in pixels}
@@ -189,12 +243,28 @@ def _joints(
             )
         info = {k: value for k, value in entry.items() if k not in ("column", APPROACH)}
         joints.append(JointInfo.from_mapping(info, place))
-        readings.append(table.numbers(_column(table, entry["column"], place)))
+        readings.append(_reading(table, entry["column"], place))
         side = np.zeros(len(table))
         if entry.get(APPROACH) is not None:
             side = table.sides(_column(table, entry[APPROACH], place))
         sides.append(side)
     return tuple(joints), np.column_stack(readings), np.column_stack(sides)
+
+
+def _reading(table: CsvTable, column: Any, place: str) -> npt.NDArray[np.float64]:
+    """Return what a joint reads, (N,): a column, or a sum of columns with factors."""
+    summed = _summed(column)
+    total = np.zeros(len(table))
+    for one, factor in summed:
+        if isinstance(factor, bool) or not isinstance(factor, int | float) or not factor:
+            raise DataError(
+                f"{place}: a sum of columns is a factor of each, {{m1: 0.5, m2: -0.5}}, got "
+                f"{shown(column)}"
+            )
+        total += factor * table.numbers(_column(table, one, place))
+    if not summed:
+        raise DataError(f"{place}: a sum of columns names some, got {shown(column)}")
+    return total
 
 
 def _points(table: CsvTable, column_map: Mapping[str, Any], where: str) -> npt.NDArray[np.float64]:

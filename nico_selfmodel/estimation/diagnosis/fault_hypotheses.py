@@ -31,7 +31,7 @@ from nico_selfmodel.estimation.initialization.start_search import (
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.results.verdict import MOST_OUTLIERS
 
-_MOST_STARTS = 300
+_MOST_STARTS = 500
 """Starts that the search may cost in all."""
 _BETTER = 3.0
 """The residuals must fall to this part of what they were, inverse."""

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
-from itertools import groupby, islice
+from itertools import groupby, islice, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ class Worth(Enum):
     """What a misfit is worth looking for."""
 
     GAPS = "readings that leave out a gap"
-    NEIGHBOURS = "these, and neighbouring columns that are exchanged"
+    NEIGHBOURS = "these, and neighbouring columns that are exchanged, or sums of each other"
     EVERYTHING = "all there is"
 
 
@@ -112,6 +112,7 @@ def suspicions_of(
     if worth is not Worth.GAPS:
         few = few_rows(observations, 0)
         yield from _exchanged(few, gear_pinned, all_pairs=worth is Worth.EVERYTHING)
+        yield from _mixed(few, gear_pinned)
     if worth is not Worth.EVERYTHING:
         return
     if held.any():
@@ -163,6 +164,28 @@ def _exchanged(
     for words, order in orders:
         mended = replace(observations, angles=observations.angles[:, order])
         yield Suspicion(words, mended, gear_pinned[order])
+
+
+def _mixed(observations: Observations, gear_pinned: NDArray) -> Iterator[Suspicion]:
+    """Yield readings of motors that move two neighbouring joints: differentials, coupled drives."""
+    for i, (first, second) in enumerate(pairwise(observations.joints)):
+        a, b = observations.angles[:, i], observations.angles[:, i + 1]
+        half, halves = "half the sum", "half the difference"
+        both = f"{first} and {second} turn by"
+        of = "of what is read of both, as of a differential"
+        ways = {
+            f"{both} {half} and {halves} {of}": (0.5 * (a + b), 0.5 * (a - b)),
+            f"{both} {halves} and {half} {of}": (0.5 * (a - b), 0.5 * (a + b)),
+            f"{second} turns by the sum of what is read of {first} and of it": (a, a + b),
+            f"{second} turns by what is read of it less that of {first}": (a, b - a),
+        }
+        pinned = gear_pinned.copy()
+        pinned[i : i + 2] = pinned[i : i + 2].all()
+        for words, mended in ways.items():
+            angles = observations.angles.copy()
+            angles[:, i], angles[:, i + 1] = mended
+            told = f"{words}: record these sums as readings (`import csv` makes them of columns)"
+            yield Suspicion(told, replace(observations, angles=angles), pinned)
 
 
 def _other_units(

@@ -143,7 +143,7 @@ def _zeros(document: Mapping[str, Any]) -> parts.Numbers | None:
             sigma = factor * document["parameters"][f"{joint}.{part}"]["sigma"]
             cells = number_cell(shift, digits), number_cell(sigma, digits), Cell(key[6:])
             rows.append((joint, cells))
-    return parts.numbers(Table(("zero of", "moved by", "\u00b1", "unit"), tuple(rows)))
+    return parts.numbers(Table(("joint", "at one reading moved by", "\u00b1", "unit"), tuple(rows)))
 
 
 def _tree(document: Mapping[str, Any]) -> tuple[parts.Numbers | parts.Text | None, ...]:

@@ -137,7 +137,7 @@ def _shifts(document: Mapping[str, Any]) -> parts.Text | None:
     if "shift_deg" not in document:
         return None
     shifts = (f"{joint} by {signed(shift, 2)}°" for joint, shift in document["shift_deg"].items())
-    return parts.Text(f"{', '.join(shifts)}, as angles of the joints.")
+    return parts.Text(f"{', '.join(shifts)}, as angles of the joints at the same readings.")
 
 
 def _errors(

@@ -16,6 +16,7 @@ from nico_selfmodel.estimation.tree.contradictions.against_the_rest import (
 from nico_selfmodel.estimation.tree.contradictions.misread_limbs import refuse_misread_limbs
 from nico_selfmodel.estimation.tree.contradictions.standing_still import still_readings
 from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart
+from nico_selfmodel.estimation.tree.guesses.told_turns import refuse_other_turns
 from nico_selfmodel.estimation.tree.timing.late_sensors import explained_by_lag
 from nico_selfmodel.model.tree.body_tree import REVOLUTE, WHOLE_POSES
 from nico_selfmodel.names import listed
@@ -42,10 +43,12 @@ def start_as_it_was_read(
         described: Whether a description tells which way joints turn.
 
     Raises:
-        DataError: If there are such joints; it names them and their unit.
+        DataError: If there are such joints; it names them and their unit. If turns of a sensor
+            were taken for others than they are.
     """
     found = _in_stated_units(data, moving, search)
     if found.start.cost > _POOR * found.scalars and not explained_by_lag(found):
+        refuse_other_turns(found, data)
         if described:
             _refuse_reversed(data, moving, search, seed)
         else:

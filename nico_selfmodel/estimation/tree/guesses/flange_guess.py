@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.diagnosis.turns_written import AS_CONVENTIONS, SMALLER, meant_turns
 from nico_selfmodel.estimation.tree.guesses.among_unknown import FEWEST_PAIRS, on_link_among_unknown
 from nico_selfmodel.estimation.tree.guesses.by_first_body import (
     with_orientations,
@@ -31,8 +32,6 @@ CHECK_FLANGE = (
 """What poses of a flange that are contradicted may come of."""
 _MISFIT = 0.01
 """Usual misfit [rad, spread of the flange] below which the inverse of poses is not tried."""
-_SMALLER = 0.2
-"""Part of it that the inverse may leave: inverted poses leave 0.4 to 1 as they are told."""
 CARRIED_NEARER = 2.0
 """What a flange carries is not so many times as far from it as what stands is from its base."""
 
@@ -90,10 +89,13 @@ def _by_target(
     m = int(np.bincount(rows.marker).argmax())
     own = rows.marker == m
     F = data.X_flange[rows.pose[own], flange]
-    M = transform(rotation_from_vector(rows.measured[own, 3:]), rows.measured[own, :3])
-    on_hand = tree.markers[m].on != WORLD
+    on_hand, vectors = tree.markers[m].on != WORLD, rows.measured[own, 3:]
+    M = transform(rotation_from_vector(vectors), rows.measured[own, :3])
+    M = M if on_hand else inverse(M)
     names = data.joint_names[flange], info.name, data.markers[m].name
-    found = either_way(F, M if on_hand else inverse(M), names, carried=not on_hand)
+    found = either_way(F, M, names, carried=not on_hand)
+    told = np.asarray(data.flanges)[rows.pose[own], flange, 3:]
+    _refuse_other_turns(F, M, told, vectors, names, carried=not on_hand)
     # On the hand F X = Z M; a sensor on the hand that sees the world: F X M = Z.
     at, sensor_at = (found.X, found.Z) if on_hand else (found.Z, found.X)
     markers = list(tree.markers)
@@ -113,9 +115,11 @@ def _by_corners(
     known = known_places(data)
     for rows in cameras:
         placed = placed_by_known(data, tree, rows, rng, known).X_WC
-        F = data.X_flange[list(placed), flange]
+        F, M = data.X_flange[list(placed), flange], np.array(list(placed.values()))
         names = data.joint_names[flange], rows.name, "what it sees"
-        found = either_way(F, np.array(list(placed.values())), names, carried=True, told=False)
+        found = either_way(F, M, names, carried=True, told=False)
+        told = np.asarray(data.flanges)[list(placed), flange, 3:]
+        _refuse_other_turns(F, M, told, None, names, carried=True)
         places[rows.name] = found.X
         X_PJ[flange] = inverse(found.Z)
     tree = replace(with_sensors(tree, places), X_PJ=X_PJ)
@@ -151,7 +155,7 @@ def either_way(
     if off < _MISFIT:
         return found
     other = HandEye.from_poses(inverse(F), M)
-    if other.misfit(inverse(F), M) > _SMALLER * off:
+    if other.misfit(inverse(F), M) > SMALLER * off:
         return found
     flange, sensor, target = names
     on, standing = (sensor, target) if carried else (target, sensor)
@@ -172,6 +176,59 @@ def either_way(
         f"what {sensor!r} saw contradicts the poses of flange {flange!r}, and fits them the other "
         f"way round: {', or '.join(cases)}"
     )
+
+
+def _refuse_other_turns(
+    F: NDArray,
+    M: NDArray,
+    of_flange: NDArray,
+    of_sensor: NDArray | None,
+    names: tuple[str, str, str],
+    *,
+    carried: bool,
+) -> None:
+    """Refuse poses that fit once turns are read as they were meant: as angles, w first and so on.
+
+    Args:
+        F, M: See `either_way`.
+        of_flange: Turns of the flange as rotation vectors [rad], as they were told. Shape (K, 3).
+        of_sensor: Those of the target in the sensor, if they were told. Shape (K, 3).
+        names, carried: See `either_way`.
+
+    Raises:
+        DataError: If there are such.
+    """
+    off = _misfit(F, M)
+    if off < _MISFIT:
+        return
+
+    def with_flange(R: NDArray, seen: NDArray = M) -> float:
+        return _misfit(transform(R, F[:, :3, 3]), seen)
+
+    def seen_as(R: NDArray) -> NDArray:
+        seen = transform(R, (inverse(M) if carried else M)[:, :3, 3])
+        return inverse(seen) if carried else seen
+
+    ways = [f"in turns of the flange {way}" for way in meant_turns(off, with_flange, of_flange)]
+    if of_sensor is not None:
+        said = meant_turns(off, lambda R: _misfit(F, seen_as(R)), of_sensor)
+        ways += [f"in the turns that {names[1]!r} tells {way}" for way in said]
+    if of_sensor is not None and not ways:
+        said = meant_turns(off, lambda R, S: with_flange(R, seen_as(S)), of_flange, of_sensor)
+        ways = [f"in turns of both {way}" for way in said]
+    if ways:
+        raise DataError(
+            f"what {names[1]!r} saw contradicts the poses of flange {names[0]!r}, and fits them if "
+            f"{', or '.join(ways)}: {AS_CONVENTIONS}"
+        )
+
+
+def _misfit(F: NDArray, M: NDArray) -> float:
+    """Return how badly poses fit at best; inf where they hardly turn."""
+    try:
+        return HandEye.from_poses(F, M).misfit(F, M)
+    except DataError:
+        return np.inf
 
 
 def _by_unknown(
