@@ -75,6 +75,7 @@ def test_p1_and_p2_are_let_move_from_where_left_out_boards_gain_a_hundredth(p1, 
     assert bool(lens_of(train, CameraOptions(lens="auto")).decentred) == gains
 
 
+@pytest.mark.slow
 def test_p1_and_p2_stay_where_they_are_zero_or_the_user_says_what_they_are():
     (camera,), train, _ = scene("polynomial", 3)
     assert lens_of(train, CameraOptions(lens="auto")).decentred == ()

@@ -227,6 +227,7 @@ def test_mirrors_learned_through_one_body_err_as_their_common_covariance_says():
     assert_allclose(seen[:3, 3:], said[:3, 3:], atol=0.35)
 
 
+@pytest.mark.slow
 def test_how_mirrors_err_with_the_cameras_is_known():
     model = body(True)
     found = calibrate_mirrors(recording(poses(30), sigma=0.0), model)

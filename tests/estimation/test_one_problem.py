@@ -381,6 +381,7 @@ def test_cameras_that_contradict_each_other_are_named_first():
         calibrate_tree(shifted)
 
 
+@pytest.mark.slow
 def test_a_name_that_does_not_exist_is_refused_with_those_there_are():
     pins = FixedParameters({"camara2.x": 0.5})
     with pytest.raises(ValueError, match="no parameter 'camara2"):

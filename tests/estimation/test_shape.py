@@ -23,8 +23,6 @@ from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.vision.images.image_array import smoothed_within
 
-from ..slow_rest import slow_rest
-
 CENTER, RADIUS = np.array([0.03, 0.1, -0.05]), 0.07
 TILTS = [(x, y) for x in (-25, 0, 25) for y in (-20, 5)]
 SIGMA = np.array([2e-3, 2e-3, 1e-3])
@@ -276,7 +274,8 @@ def test_conjugate_gradients_solve_what_a_dense_matrix_solves():
     )
 
 
-@pytest.mark.parametrize("start", slow_rest([3e-4, 1e-3]))
+@pytest.mark.slow
+@pytest.mark.parametrize("start", [3e-4, 1e-3])
 def test_each_patch_tells_how_much_it_bends_and_what_nobody_sees_tells_nothing(start):
     mesh, rng = ball(0.08), np.random.default_rng(7)
     aside = mesh.vertices[:, 0] - CENTER[0]

@@ -97,7 +97,7 @@ def test_a_stream_of_commands_is_followed(virtual):
 
 
 @pytest.mark.parametrize("heartbeat", slow_rest([0.1, 0.3, 0.6]))
-@pytest.mark.parametrize("make", MAKES)
+@pytest.mark.parametrize("make", slow_rest(MAKES, plain=2))
 def test_a_host_that_dies_leaves_an_arm_that_stops_in_time(make, heartbeat):
     made = virtual_arm(make=make, heartbeat=heartbeat)
     made.arm.connect()
