@@ -33,7 +33,7 @@ from nico_selfmodel.sessions.mirrors.shape_looks import (
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 
-_MOST = 8
+_MOST = 5
 """Poses before each mirror among which that is taken which covers least."""
 _POSTURE = 2
 """Mirrors that tell how the body stands."""
