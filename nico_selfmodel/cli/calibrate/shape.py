@@ -39,11 +39,11 @@ def shape(
     with printer.progress_bar() as progress:
         rng = np.random.default_rng(seed)
         found = shape_of_recording(body, data, dataset, link, rng, progress)
-        from nico_selfmodel.viz.reports.mirrors import mirror_report
-        from nico_selfmodel.viz.scene.mirror_picture import recorded_pictures
+        from nico_selfmodel.plant import ArmDescription
+        from nico_selfmodel.viz.reports.mirrors import shape_report
 
-        pictures = recorded_pictures(dataset, data)
-        draw = partial(mirror_report, found.mirrors, pictures=pictures)
+        robot = ArmDescription.of_model(body)
+        draw = partial(shape_report, found.mirrors, found.shape.body, robot=robot)
         document = judge_and_write(
             found.mirrors,
             found.mirrors.model,
