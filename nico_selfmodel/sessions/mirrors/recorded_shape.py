@@ -56,6 +56,7 @@ def shape_of_recording(
     links: Sequence[str],
     rng: np.random.Generator,
     stage: Stage | None = None,
+    test: Dataset | None = None,
 ) -> RecordedShape:
     """Learn where the mirrors of a recording stand, and in them the outer shape of links.
 
@@ -69,6 +70,7 @@ def shape_of_recording(
         links: Whose shape is learned; they stand still in all pictures.
         rng: Source of samples of what is not known.
         stage: Told how far it is.
+        test: Held-out poses before the same mirrors, which judge these.
 
     Raises:
         ModelError: If the model lacks cameras, an arm or a description.
@@ -77,7 +79,10 @@ def shape_of_recording(
             found.
         ValueError: If a link does not exist, or moves with the arm.
     """
-    found = calibrate_mirrors(shown_enough(data), model)
+    shown = shown_enough(data)
+    if test is not None:
+        test = test.select(np.isin(test.mirror, np.unique(shown.mirror)))
+    found = calibrate_mirrors(shown, model, test=test)
     told = replace(found.model, covariance=found.covariance)
     robot = described(told)
     _, shots = own_shots(told, data, folder, _MOST)
