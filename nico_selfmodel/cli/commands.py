@@ -78,11 +78,12 @@ def _calibrate() -> Commands:
         kinematics,
         mirror,
         servos,
+        shape,
         stereo,
         tool,
     )
 
-    return _called(kinematics, cameras, stereo, camera, body, hand_eye, tool, mirror, servos)
+    return _called(kinematics, cameras, stereo, camera, body, hand_eye, tool, mirror, shape, servos)
 
 
 def _experiment() -> Commands:

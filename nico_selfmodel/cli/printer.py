@@ -285,4 +285,5 @@ def _outliers(document: Mapping[str, Any]) -> None:
         boards = (" and ".join(names[view] for names in files) for view in outliers)
         line(f"boards set aside as outliers: {'; '.join(boards)}")
     else:
-        line(f"training poses with outliers set aside: {len(outliers)} (listed in result.json)")
+        what = "steps" if document["method"] == "servos" else "poses with outliers"
+        line(f"training {what} set aside: {len(outliers)} (listed in result.json)")

@@ -64,6 +64,17 @@ def test_sigmas_cover_what_recordings_differ_by():
     assert 0.8 < np.sqrt(np.mean(np.square(scores))) < 1.25
 
 
+def test_readings_that_scatter_hide_no_step():
+    data = steps_recorded(SERVOS[:1], 14, unit="deg")
+    noise = np.random.default_rng(0).normal(0.0, 0.1, np.shape(data.encoders))
+    found = calibrate_servos(replace(data, encoders=data.encoders + noise))
+    assert found.joints[0].steps.unused == 0
+    assert found.joints[0].steps.sigma.min() == pytest.approx(np.radians(0.1), rel=0.2)
+    for name, (value, sigma) in _numbers(found).items():
+        true = {"delay": 0.04, "speed": 1.0, "acceleration": 4.0}[name.partition(".")[2]]
+        assert abs(value - true) < 4.0 * sigma
+
+
 @pytest.mark.parametrize("unit", ["deg", "rad"])
 def test_the_unit_of_the_encoder_makes_no_difference(unit):
     counts, other = (
@@ -86,12 +97,16 @@ def test_nothing_held_out_is_not_evaluated_and_a_second_recording_is_held_out():
         calibrate_servos(train, steps_recorded(SERVOS[1:2], 4))
 
 
-def test_a_step_in_which_the_joint_was_held_is_set_aside():
+@pytest.mark.parametrize("throughout", [False, True])
+def test_a_step_in_which_the_joint_was_held_is_set_aside(throughout):
     data = steps_recorded(SERVOS[:1], 6)
     read = np.array(data.encoders)
     rows = np.flatnonzero(np.isnan(read[:, 0]))
-    held = slice(rows[3] + 8, rows[3] + 30)
-    read[held] = read[rows[3] + 8]
+    if throughout:
+        read[rows[4] :] -= read[rows[4] - 1] - read[rows[3] - 1]
+        read[rows[3] + 1 : rows[4]] = read[rows[3] - 1]
+    else:
+        read[rows[3] + 8 : rows[3] + 30] = read[rows[3] + 8]
     found = calibrate_servos(replace(data, encoders=read))
     assert found.joints[0].outliers.tolist() == [k == 3 for k in range(12)]
     assert found.model.joints[0].speed == pytest.approx(1.0, rel=0.02)

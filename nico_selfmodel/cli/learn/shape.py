@@ -14,6 +14,7 @@ from nico_selfmodel.cli.result_files import judge_and_write
 
 if TYPE_CHECKING:
     from nico_selfmodel.progress import Progress
+    from nico_selfmodel.sessions.mirrors.learned_shape import LearnedShape
     from nico_selfmodel.sessions.mirrors.own_shape import ShapeScenario
     from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
@@ -30,7 +31,7 @@ def learn_shape(output: Output, world: "Imperfections", seed: int) -> NoReturn:
         ("training", document["train"]),
         *mirror_parts(document),
     ]
-    more = _told_in_words(document)
+    more = told_in_words(document)
     printer.result(scenario.model.name, document, output, parts=parts, more=more)
 
 
@@ -51,7 +52,7 @@ def _write_shape_scenario(
         partial(arm_report, calibration, robot=robot),
         output,
         progress,
-        more={"shape": _shape_document(scenario)},
+        more={"shape": shape_document(scenario.shape)},
         robot=robot,
         recordings={"train": arm.train, "test": arm.test},
         shape=scenario.shape.body,
@@ -59,22 +60,23 @@ def _write_shape_scenario(
     return write_mirror_scenario(output.out, document, scenario.mirrors)
 
 
-def _shape_document(scenario: "ShapeScenario") -> dict[str, Any]:
-    """Return what `result.json` tells of the learned shape."""
+def shape_document(shape: "LearnedShape") -> dict[str, Any]:
+    """Return what `result.json` tells of a learned shape."""
     return {
-        "mirrors": len(scenario.shape.all.mirrors),
+        "mirrors": len(shape.all.mirrors),
         "links": {
             link: {
                 "vertices": len(own.seen),
                 "seen": int(own.seen.sum()),
                 "sigma_mm": 1e3 * float(np.median(own.sigma[own.seen])) if own.seen.any() else None,
             }
-            for link, own in scenario.shape.body.links.items()
+            for link, own in shape.body.links.items()
         },
     }
 
 
-def _told_in_words(document: Mapping[str, Any]) -> list[str]:
+def told_in_words(document: Mapping[str, Any]) -> list[str]:
+    """Return what a document tells of the shape of each link."""
     shape = document["shape"]
     return [_of_link(link, own, shape["mirrors"]) for link, own in shape["links"].items()]
 

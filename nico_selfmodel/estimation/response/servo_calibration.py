@@ -20,6 +20,8 @@ from nico_selfmodel.model.self_model import ParameterCovariance
 
 _FOLDS = 20
 """Groups of steps that are left out in turn."""
+_STUCK = 0.2
+"""Share of the way it is told below which a joint does not move."""
 _OUTLIER = 6.0
 """A step whose residual is this many times the median one contradicts the rest."""
 _NOTABLE = 0.02
@@ -70,9 +72,10 @@ class JointResponse:
     @property
     def overshoot(self) -> float:
         """How far a step goes beyond where it ends, as a share of the way: the median."""
-        farthest = np.zeros(len(self.steps))
-        np.maximum.at(farthest, self.steps.step, self.steps.gone)
-        return float(np.median(farthest / np.abs(self.steps.way)) - 1.0)
+        rest = self.steps.select(~self.outliers)
+        farthest = np.zeros(len(rest))
+        np.maximum.at(farthest, rest.step, rest.gone)
+        return float(np.median(farthest / np.abs(rest.way)) - 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +169,7 @@ def why_it_does_not_follow(recording: MotionRecording, joint: int, steps: Steps)
     """
     ratio = float(np.median(steps.way / steps.told))
     told = np.degrees(np.median(np.abs(steps.told)))
-    if abs(ratio) < 0.2:
+    if abs(ratio) < _STUCK:
         other = _moved_instead(recording, joint, steps)
         if other is not None:
             return (
@@ -206,7 +209,7 @@ def _moved_instead(recording: MotionRecording, joint: int, steps: Steps) -> str 
             size * _range(recording.encoders[row:end, k])
             for row, end in zip(rows.tolist(), ends.tolist(), strict=True)
         ]
-        if np.median(moved) > 0.2 * told:
+        if np.median(moved) > _STUCK * told:
             return info.name
     return None
 
@@ -218,12 +221,12 @@ def _range(readings: NDArray) -> float:
 
 def _response_of(steps: Steps) -> JointResponse:
     """Fit a response, set aside steps that contradict the rest, and find its covariance."""
-    fit, rest = fit_steps(steps)
-    outliers = _contradicting(steps, fit.residuals)
-    if outliers.any() and (~outliers).sum() >= FEWEST_STEPS:
+    outliers = np.abs(steps.way) < _STUCK * np.abs(steps.told)
+    fit, rest = fit_steps(steps.select(~outliers))
+    further = _contradicting(rest, fit.residuals)
+    if further.any() and (~further).sum() >= FEWEST_STEPS:
+        outliers[~outliers] = further
         fit, rest = fit_steps(steps.select(~outliers))
-    else:
-        outliers = np.zeros(len(steps), dtype=bool)
     covariance, left_out = _jackknife(rest, fit)
     everywhere = np.full(len(steps.gone), np.nan)
     everywhere[~outliers[steps.step]] = left_out

@@ -13,6 +13,8 @@ FEWEST_STEPS = 4
 """Fewer tell no scatter."""
 _REST = 0.02
 """Share of the way that a joint may still creep by at what counts as rest."""
+_SPREAD = 5.0
+"""Standard deviations within which five readings of a joint at rest lie, 99 times of 100."""
 _ENDS = 5
 """Readings that tell where a joint rested."""
 _SMALLEST = 1e-6
@@ -100,8 +102,9 @@ def steps_of(recording: MotionRecording, joint: int) -> Steps | None:
             "(`nico-selfmodel servo steps`)"
         )
     before = np.append(0, changes[:-1])
+    scatter = _scatter(recording.encoders[:, joint])
     cut = [
-        _step(recording, joint, *rows)
+        _step(recording, joint, *rows, scatter)
         for rows in zip(before.tolist(), changes.tolist(), ends.tolist(), strict=True)
     ]
     found = [one for one in cut if isinstance(one, _Step)]
@@ -130,6 +133,15 @@ def steps_of(recording: MotionRecording, joint: int) -> Steps | None:
     )
 
 
+def _scatter(readings: NDArray) -> float:
+    """Return the standard deviation of a reading at rest, where it is in most rows.
+
+    By the median difference of neighbours, 0.954 sigma of normal ones.
+    """
+    known = readings[np.isfinite(readings)]
+    return float(np.median(np.abs(np.diff(known)))) / 0.954 if len(known) > 1 else 0.0
+
+
 def _grain(readings: NDArray) -> float:
     """Return the smallest difference of two readings, a count of what counts [encoder unit]."""
     apart = np.diff(np.unique(readings[np.isfinite(readings)]))
@@ -150,7 +162,9 @@ class _Step:
     """Readings after it rested, less their median."""
 
 
-def _step(recording: MotionRecording, joint: int, before: int, row: int, end: int) -> _Step | str:
+def _step(
+    recording: MotionRecording, joint: int, before: int, row: int, end: int, scatter: float
+) -> _Step | str:
     """Cut one step out; say why it cannot be used, where it does not begin and end at rest.
 
     Args:
@@ -159,6 +173,7 @@ def _step(recording: MotionRecording, joint: int, before: int, row: int, end: in
         before: Row of the command before.
         row: Row of its command.
         end: Row of the next command.
+        scatter: Standard deviation of a reading at rest [encoder unit].
     """
     readings = recording.encoders[:, joint]
     earlier = readings[before:row]
@@ -168,7 +183,8 @@ def _step(recording: MotionRecording, joint: int, before: int, row: int, end: in
         return _HARDLY_READ
     told = abs(recording.commanded[row, joint] - recording.commanded[row - 1, joint])
     last = readings[rows[-_ENDS:]]
-    tolerance = max(3.0 * recording.joints[joint].still_tolerance, _REST * told)
+    still = 3.0 * recording.joints[joint].still_tolerance
+    tolerance = max(still, _REST * told, _SPREAD * scatter)
     start, goal = float(np.median(earlier)), float(np.median(last))
     if np.ptp(earlier) > tolerance:
         return _MOVES_BEFORE

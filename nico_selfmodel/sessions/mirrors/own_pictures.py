@@ -73,10 +73,10 @@ def look_at_own_pictures(
         DataError: If the recording has no pictures in these mirrors, or they show something else.
         EstimationError: If hardly anything of the body is in view.
     """
-    robot = _described(model)
+    robot = described(model)
     samples, shots = own_shots(model, data, folder, most)
     _require_own_hand(model, data)
-    noise = _noise(shots)
+    noise = picture_noises(shots)
     done: list[OwnLook] = []
     with BodyImage(robot, model) as image:
         body = know_body(image, model, shots)
@@ -126,13 +126,13 @@ def own_shots(
         rows = np.flatnonzero(data.mirror == name)
         first = rows[np.unique(data.sample[rows], return_index=True)[1]][:most]
         for row in first.tolist():
-            pictures = _pictures(model, Path(folder), int(data.extra[POSE][row]))
+            pictures = pictures_of(model, Path(folder), int(data.extra[POSE][row]))
             samples.append(int(data.sample[row]))
             shots.append(Shot(name, data.encoders[row][columns], pictures))
     return samples, shots
 
 
-def _pictures(model: SelfModel, folder: Path, pose: int) -> tuple[NDArray, NDArray]:
+def pictures_of(model: SelfModel, folder: Path, pose: int) -> tuple[NDArray, NDArray]:
     """Return both cameras' pictures of a pose of a recording."""
     found = []
     for side, camera in zip(SIDES, model.rig.cameras, strict=True):
@@ -148,7 +148,7 @@ def _pictures(model: SelfModel, folder: Path, pose: int) -> tuple[NDArray, NDArr
     return found[0], found[1]
 
 
-def _described(model: SelfModel) -> ArmDescription:
+def described(model: SelfModel) -> ArmDescription:
     """Return the description that tells shape and colours."""
     if not model.mirrors:
         raise ModelError(
@@ -202,7 +202,7 @@ def _require_own_body(
         )
 
 
-def _noise(shots: Sequence[Shot]) -> tuple[float, float]:
+def picture_noises(shots: Sequence[Shot]) -> tuple[float, float]:
     """Return the standard deviation of a grey level of either camera.
 
     Raises:

@@ -99,7 +99,7 @@ def tell_mirrors(
         familiar=familiar, choices=_CHOICES,
     )  # fmt: skip
     told = telling(stage, "looking at its hand in mirrors for its shape")
-    data = _shown_enough(before.record("shape", _DAY, HAND_POSES, spare=_SPARE, progress=told))
+    data = shown_enough(before.record("shape", _DAY, HAND_POSES, spare=_SPARE, progress=told))
     found = calibrate_mirrors(data, model)
     open_ones = _left_open(found)
     if open_ones:
@@ -109,7 +109,7 @@ def tell_mirrors(
     return learned, {name: before.views[name].X_BM for name in found.mirrors}
 
 
-def _shown_enough(data: Dataset) -> Dataset:
+def shown_enough(data: Dataset) -> Dataset:
     """Return the rows of mirrors in which both cameras saw the hand once, or one of them twice."""
     sights = np.isfinite(data.pixels[:, ::2]).sum(axis=1)
     return _enough(
@@ -138,8 +138,8 @@ def _require_enough(known: Sized) -> None:
     """Raise an EstimationError if mirrors are too few for a shape."""
     if len(known) < FEWEST_MIRRORS:
         raise EstimationError(
-            f"the hand was seen well enough in {len(known)} of {len(SHAPE_MIRRORS)} mirrors, a "
-            f"shape takes {FEWEST_MIRRORS}"
+            f"the hand was seen well enough in {len(known)} mirrors, a shape takes "
+            f"{FEWEST_MIRRORS}: show it to both cameras in a few poses before each"
         )
 
 

@@ -1,20 +1,34 @@
 """The report on mirrors that were learned from the reflected hand."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration
+from nico_selfmodel.model.shape.link_shape import BodyShape
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.figures.numbers_shown import decimals
 from nico_selfmodel.viz.reports import parts, shared_sections
-from nico_selfmodel.viz.reports.page import Report, key_number
+from nico_selfmodel.viz.reports.page import Key, Report, key_number
 from nico_selfmodel.viz.reports.pixel_rows import pixels_csv
 from nico_selfmodel.viz.reports.tables import Cell, Table, error_table, held_out, number_cell
 from nico_selfmodel.viz.scene.mirror_picture import Pictures
 from nico_selfmodel.viz.scene.mirror_scene import mirror_scene
+from nico_selfmodel.viz.scene.robot.shape_items import shape_scene
+from nico_selfmodel.viz.scene.surroundings import upright
 
 if TYPE_CHECKING:
     from nico_selfmodel.plant import ArmDescription
+
+
+_FEW = 4
+"""More mirrors than this stand below each other in a table."""
+_SHAPE = (
+    "Sigma is along the normal of a vertex. Seen is what enough pictures show and is known to "
+    "3 mm; all else of a surface is held by smoothness alone, and grey."
+)
 
 
 def mirror_report(
@@ -85,8 +99,17 @@ def _planes(document: Mapping[str, Any]) -> tuple[parts.Numbers | parts.Text, ..
     ]
     rows = tuple(zip(headings, zip(*columns, strict=True), strict=True))
     angles = document["angles_deg"].items()
+    few = len(columns) <= _FEW
     return (
-        parts.Numbers(Table(("mirror", *document["mirrors"]), rows)),
+        parts.Numbers(Table(("mirror", *document["mirrors"]), rows))
+        if few
+        else parts.Numbers(
+            Table(
+                ("mirror", *headings),
+                tuple(zip(document["mirrors"], map(tuple, columns), strict=True)),
+            ),
+            "cards",
+        ),
         parts.hint(
             "The normal follows the great circle from a mirror that faces the left camera, by "
             "`tilt_x` to the image's right and `tilt_y` upwards. A plane is three numbers for both "
@@ -94,7 +117,48 @@ def _planes(document: Mapping[str, Any]) -> tuple[parts.Numbers | parts.Text, ..
             "better than chance allows, the glass is not flat, or the body is not what the "
             "self-model says."
         ),
-        *(parts.Text(f"Angle between {pair}: {angle:.3f}°.") for pair, angle in angles),
+        *(parts.Text(f"Angle between {pair}: {angle:.3f}°.") for pair, angle in angles if few),
+    )
+
+
+def shape_report(
+    calibration: MirrorCalibration,
+    shape: BodyShape,
+    document: Mapping[str, Any],
+    robot: "ArmDescription | None" = None,
+) -> Report:
+    """Return the shape of links that pictures in mirrors told, and the mirrors.
+
+    Args:
+        calibration: Where the mirrors stand.
+        shape: What was learned in them.
+        document: `estimation.judging.to_json` of the mirrors, and `shape`.
+        robot: The robot that looked, if it is known.
+    """
+    told = mirror_report(calibration, document, robot=robot)
+    found, X_SW = document["shape"], upright(calibration.model, robot)
+    links = found["links"].values()
+    seen = [one.sigma[one.seen] for one in shape.links.values()]
+    sigma = 1e3 * float(np.median(np.concatenate(seen)))
+    note = (
+        f"{sum(one['seen'] for one in links)} of {sum(one['vertices'] for one in links)} vertices"
+    )
+    rows = tuple(
+        (link, (number_cell(one["vertices"]), number_cell(one["seen"]),
+                number_cell(one["sigma_mm"], 2)))
+        for link, one in found["links"].items()
+    )  # fmt: skip
+    table = Table(("link", "vertices", "seen", "sigma, median [mm]"), rows)
+    front = X_SW[:3, :3] @ calibration.model.rig.left.X_WC[:3, 2]
+    mirrors = parts.section("The mirrors", *told.learned, id="mirrors")
+    return replace(
+        told,
+        about=f"The outer shape of {' and '.join(found['links'])}, seen in {found['mirrors']} "
+        "mirrors",
+        key=Key(f"{sigma:.1f} mm", "standard deviation of a place seen, median", f"{note} seen"),
+        scene=shape_scene(calibration.model.name, shape, X_SW, front),
+        learned=(parts.numbers(table), parts.hint(_SHAPE)),
+        sections=(mirrors, *told.sections),
     )
 
 

@@ -59,7 +59,7 @@ def servo_report(calibration: ServoCalibration, document: Mapping[str, Any]) -> 
         (*sections, shared_sections.provenance_section(document, provenance)),
         picture,
         (parts.numbers(_learned(document), "cards"), parts.hint(_WHAT)) if joints else (),
-        _residuals(joints),
+        _residuals(joints) if joints else "",
     )
 
 

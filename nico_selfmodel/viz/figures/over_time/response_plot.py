@@ -11,7 +11,7 @@ from nico_selfmodel.dataset.motion.motion_recording import MotionRecording
 from nico_selfmodel.estimation.response.servo_calibration import JointResponse
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.layout.plain_figure import PlainFigure
-from nico_selfmodel.viz.figures.plot_style import FULL_WIDTH, dots, headline, style
+from nico_selfmodel.viz.figures.plot_style import dots, headline, style
 
 _COLUMNS = 2
 _WIDTH = 6.4
@@ -67,7 +67,7 @@ def commands_plot(recording: MotionRecording) -> Figure:
     """Draw where joints were told to go and what their encoders read, over the whole recording."""
     told = np.flatnonzero(np.ptp(recording.commanded, axis=0) > 0.0)
     with style():
-        figure = PlainFigure(figsize=(FULL_WIDTH, 0.6 + 1.8 * len(told)))
+        figure = PlainFigure(figsize=(_WIDTH, 0.6 + 1.5 * len(told)))
         panels = figure.subplots(len(told), 1, squeeze=False, sharex=True)[:, 0]
         for k, axes in zip(told.tolist(), panels, strict=True):
             joint = recording.joints[k]

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.shape.link_shape import BodyShape, LinkShape
 from nico_selfmodel.viz.scene.scene import LegendEntry, Scene, path_names
-from nico_selfmodel.viz.scene.scene_items import Item, Surface
+from nico_selfmodel.viz.scene.scene_items import Surface
+from nico_selfmodel.viz.scene.surroundings import camera_on, floor_items
 
 NEVER_SEEN = (0.36, 0.38, 0.40)
 """Red, green and blue of vertices that no picture shows well enough."""
@@ -30,7 +32,20 @@ def with_shape(scene: Scene, shape: BodyShape, X_SW: NDArray) -> Scene:
     )
 
 
-def shape_items(shape: BodyShape, X_SW: NDArray) -> list[Item]:
+def shape_scene(title: str, shape: BodyShape, X_SW: NDArray, front: NDArray) -> Scene:
+    """Return learned surfaces alone, seen from the front.
+
+    Args:
+        X_SW: Pose of the self-model's world in the scene. Shape (4, 4).
+        front: Where the body faces, in the scene. Shape (3,).
+    """
+    items = shape_items(shape, X_SW)
+    points = np.concatenate([apply(one.X_WI, one.vertices) for one in items])
+    grid, *_ = floor_items(points, 1.0)
+    return Scene(title, (grid, *items), camera_on(points, front), tuple(_shape_legend(shape)))
+
+
+def shape_items(shape: BodyShape, X_SW: NDArray) -> list[Surface]:
     """Return learned surfaces where they stood when they were seen.
 
     Args:
