@@ -185,18 +185,37 @@ def check_spread(what: str, spread: float, which: str) -> None:
     warnings.warn(f"{words}, and a machine of that size is taken for one", stacklevel=5)
 
 
+_MOVED = 0.1
+"""Joints that move less do not tell that places are too near to each other [rad or m]."""
+
+
 def _warn_of_units(dataset: Dataset, place: str) -> None:
     """Warn of numbers that look like another unit than the one they are said to have.
 
     Of joints read in `rad` that turned by more than two whole turns, and of more than two points
-    that all lie within 5 mm; some samples in degrees are refused, see `check_radians`.
+    that all lie within 5 mm though joints moved; some samples in degrees are refused, see
+    `check_radians`.
     """
     in_rad = [i for i, joint in enumerate(dataset.joints) if joint.encoder_unit == "rad"]
     check_radians(
         [dataset.joints[i].name for i in in_rad], dataset.encoders[:, in_rad], dataset.sample, place
     )
     which = f"{', '.join(POINT_COLUMNS)} are"
-    warn_of_specks(f"{place}: all points lie", dataset.p_WH_measured[dataset.measured], which)
+    seen = dataset.measured
+    sizes = [joint.radians_per_unit for joint in dataset.joints]
+    if stood_still(dataset.encoders[seen] * sizes):
+        return
+    warn_of_specks(f"{place}: all points lie", dataset.p_WH_measured[seen], which)
+
+
+def stood_still(readings: NDArray) -> bool:
+    """Return whether no joint moved enough to say how large its robot is.
+
+    Args:
+        readings: Of all joints [rad or m]; nan where there are none. Shape (N, n).
+    """
+    known = readings[:, np.isfinite(readings).all(axis=0)]
+    return bool(known.size) and float(np.ptp(known, axis=0).max()) < _MOVED
 
 
 def warn_of_specks(what: str, points: NDArray, which: str) -> None:

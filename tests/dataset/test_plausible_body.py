@@ -9,6 +9,7 @@ import pytest
 from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body_dataset
 from nico_selfmodel.dataset.body.link_joint import LinkJoint
 from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE
+from nico_selfmodel.dataset.plausibility import stood_still
 from nico_selfmodel.errors import DataError
 
 from ..estimation.simulated_trees import one_arm, two_arms
@@ -220,3 +221,10 @@ def test_places_that_are_exactly_nothing_are_refused(tmp_path):
     wrong = replace(data, observations=replace(data.observations, values=values))
     with pytest.raises(DataError, match="are exactly 0 in 2 rows"):
         read_back(wrong, tmp_path)
+
+
+@pytest.mark.parametrize(("turned", "still"), [(0.0, True), (0.09, True), (0.11, False)])
+def test_joints_that_hardly_moved_do_not_tell_how_large_their_robot_is(turned, still):
+    readings = np.column_stack([np.linspace(0.0, turned, 5), np.full(5, np.nan)])
+    assert stood_still(readings) is still
+    assert not stood_still(readings[:, 1:])  # of a flange nobody knows

@@ -11,6 +11,7 @@ from nico_selfmodel.dataset.plausibility import (
     check_spread,
     refuse_copies,
     refuse_nothings,
+    stood_still,
     warn_of_outside,
     warn_of_specks,
 )
@@ -51,7 +52,8 @@ def check_plausible_body(data: BodyDataset) -> None:
             warn_of_outside(own[:, :2], sensor.image_size, what)
         if sensor.kind == POSES:
             _check_turns(f"orientations of sensor {sensor.name!r}", own[:, 3:6])
-    warn_of_specks("all places that sensors measured lie", widest, _LENGTHS)
+    if not stood_still(data.si_readings):
+        warn_of_specks("all places that sensors measured lie", widest, _LENGTHS)
     xyz = np.array([marker.xyz for marker in data.markers if marker.xyz is not None])
     if len(xyz):
         _check_stated("'xyz' of markers", _from_middle(xyz))
