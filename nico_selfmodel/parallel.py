@@ -15,8 +15,15 @@ _Found = TypeVar("_Found")
 _ANSWER_S = 10.0
 """How long a Dask scheduler may take to answer [s]."""
 
-# Results hold read-only mappings, which have no way of their own to another process.
-copyreg.pickle(MappingProxyType, lambda found: (MappingProxyType, (dict(found),)))
+
+def read_only_again(found: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    """Return a mapping read-only, as it was in the process that it came from."""
+    return MappingProxyType(found)
+
+
+# Results hold read-only mappings, which have no way of their own to another process, nor has their
+# class a name that pickle finds.
+copyreg.pickle(MappingProxyType, lambda found: (read_only_again, (dict(found),)))
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,6 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn
 
-import numpy as np
-
 from nico_selfmodel.cli import printer
 from nico_selfmodel.cli.learn.mirror import mirror_parts, write_mirror_scenario
 from nico_selfmodel.cli.option_groups import Output
@@ -62,6 +60,8 @@ def _write_shape_scenario(
 
 def shape_document(shape: "LearnedShape") -> dict[str, Any]:
     """Return what `result.json` tells of a learned shape."""
+    import numpy as np
+
     return {
         "mirrors": len(shape.all.mirrors),
         "links": {
