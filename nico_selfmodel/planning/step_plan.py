@@ -13,12 +13,13 @@ def planned_steps(
     """Return where a joint is told to go, one step after another, in the end back to its start.
 
     Sizes are spread evenly by their logarithm, in random order: short steps show delay and
-    acceleration, long ones the largest speed. Each goes to the side that has more room.
+    acceleration, long ones the largest speed. They go back and forth about the start, as far as
+    there is room.
 
     Args:
         start: Where it stands [rad].
-        lower: Its limits [rad], and upper likewise.
-        upper: The other.
+        lower: The least that it may go to [rad].
+        upper: The most [rad].
         largest: Largest step [rad].
         rng: Of the order.
 

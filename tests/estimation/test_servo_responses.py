@@ -7,6 +7,7 @@ import pytest
 
 from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.estimation.judging import judge, result_of, to_json
+from nico_selfmodel.estimation.response import step_fit
 from nico_selfmodel.estimation.response.servo_calibration import calibrate_servos
 from nico_selfmodel.estimation.response.servo_result import MOST_OVERSHOOT, MOST_UNEXPLAINED
 from nico_selfmodel.model.response.servo_response import ServoResponse
@@ -73,6 +74,15 @@ def test_readings_that_scatter_hide_no_step():
     for name, (value, sigma) in _numbers(found).items():
         true = {"delay": 0.04, "speed": 1.0, "acceleration": 4.0}[name.partition(".")[2]]
         assert abs(value - true) < 4.0 * sigma
+
+
+def test_a_response_that_takes_its_time_is_followed_to_its_minimum(monkeypatch):
+    data = steps_recorded(SERVOS[1:2], 20, count=8)
+    whole = calibrate_servos(data)
+    monkeypatch.setattr(step_fit, "_STEPS", 12)  # of which some first guesses need more
+    found = calibrate_servos(data)
+    assert result_of(found).converged
+    assert found.model.joints[0].rate == pytest.approx(whole.model.joints[0].rate, rel=1e-3)
 
 
 @pytest.mark.parametrize("unit", ["deg", "rad"])

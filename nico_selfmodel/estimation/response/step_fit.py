@@ -25,8 +25,8 @@ SHAPES: tuple[Shape, ...] = (
     (LOOP, ("speed", "rate")),
 )
 """From few numbers to many."""
-_STEPS = 60
-"""Of the solver."""
+_STEPS, _MORE_STEPS = 60, 600
+"""Of the solver, from each first guess, and from the best place that it found."""
 _STRONG = 6.0
 """Difference of the criterion from which evidence is strong (Kass and Raftery 1995)."""
 _FASTEST = 1e4
@@ -96,7 +96,11 @@ def _best(steps: Steps) -> StepFit:
     fits = [fit for shape in SHAPES for fit in _fits(steps, shape)]
     least = min(map(StepFit.bic, fits)) + _STRONG
     chosen = [fit for fit in fits if fit.bic() <= least]
-    return min(chosen, key=lambda fit: (len(fit.log_parts), fit.bic()))
+    found = min(chosen, key=lambda fit: (len(fit.log_parts), fit.bic()))
+    if found.converged:
+        return found
+    # A lag and an acceleration that are hardly told apart take their time.
+    return _fit(steps, found.shape, found.log_parts, found.delays, _MORE_STEPS)
 
 
 def _weighed(steps: Steps, fit: StepFit) -> Steps:
@@ -109,7 +113,7 @@ def _weighed(steps: Steps, fit: StepFit) -> Steps:
 
 def refit(steps: Steps, fit: StepFit, chosen: NDArray) -> StepFit:
     """Return the response of the same shape by some of the steps. Boolean, shape (n,)."""
-    return _fit(steps.select(chosen), fit.shape, fit.log_parts, fit.delays[chosen])
+    return _fit(steps.select(chosen), fit.shape, fit.log_parts, fit.delays[chosen], _STEPS)
 
 
 def _fits(steps: Steps, shape: Shape) -> list[StepFit]:
@@ -120,7 +124,7 @@ def _fits(steps: Steps, shape: Shape) -> list[StepFit]:
     guess = {"speed": length / slow, "acceleration": length / slow**2, "rate": 3.0 / slow}
     grids = np.meshgrid(*(np.log(factors[name]) + np.log(guess[name]) for name in shape[1]))
     starts = np.stack([grid.ravel() for grid in grids], axis=1)
-    return [_fit(steps, shape, start, delays) for start in starts]
+    return [_fit(steps, shape, start, delays, _STEPS) for start in starts]
 
 
 def _guess(steps: Steps) -> tuple[float, NDArray]:
@@ -137,11 +141,11 @@ def _guess(steps: Steps) -> tuple[float, NDArray]:
     return float(np.median(took)), np.maximum(early - 0.15 * took, 0.0)
 
 
-def _fit(steps: Steps, shape: Shape, start: NDArray, delays: NDArray) -> StepFit:
+def _fit(steps: Steps, shape: Shape, start: NDArray, delays: NDArray, most: int) -> StepFit:
     """Fit the numbers of a shape and the delay of each step by least squares."""
     first = np.concatenate([start, delays])
     evaluate = partial(_normal_equations, steps, shape, np.asarray(start))
-    found = levenberg_marquardt(evaluate, first, max_iterations=_STEPS)
+    found = levenberg_marquardt(evaluate, first, max_iterations=most)
     k = len(shape[1])
     r, slopes = _residuals(steps, shape, found.x)
     rates, how = slopes["time"], (found.converged, found.iterations)
