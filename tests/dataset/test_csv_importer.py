@@ -13,6 +13,8 @@ id,q1,q2,X,Y,Z,u,v,circle,dot
 6,10,90,,,,321,241,q_one,tip
 7,20,90,NaN,nan,NaN,,,,tip
 """
+NOTHINGS = "".join(f"{k},{k},9,{0 if k < 10 else k},0,0,1,1,,tip\n" for k in range(8, 30))
+"""Rows of which two have points that were not seen."""
 MAP = {
     "joints": [
         {"name": "q_one", "column": "q1", "encoder_unit": "counts", "counts_per_turn": 4096},
@@ -58,10 +60,19 @@ def test_a_reading_may_be_a_sum_of_columns_as_of_a_differential(table):
 
 
 def test_what_is_wrong_is_told_in_the_headings_of_the_table(table):
-    text = TABLE + "".join(f"{k},{k},9,{0 if k < 10 else k},0,0,1,1,,tip\n" for k in range(8, 30))
+    text = TABLE + NOTHINGS
     for columns, words in (({}, "row 4"), ({"sample": "id"}, "id 8")):
         with pytest.raises(DataError, match=rf"csv: X, Y, Z are exactly 0 .* of {words}\)"):
             import_csv(table(text), {**MAP, **columns})
+
+
+def test_a_folder_that_is_called_like_a_column_keeps_its_name_in_messages(tmp_path):
+    path = tmp_path / "sample" / "arm.csv"
+    path.parent.mkdir()
+    path.write_text(TABLE + NOTHINGS)
+    with pytest.raises(DataError, match="X, Y, Z are exactly 0") as raised:
+        import_csv(path, MAP)
+    assert str(path) in str(raised.value)
 
 
 def test_samples_are_numbered_from_one_and_the_hand_is_the_marker(table):

@@ -34,6 +34,7 @@ from nico_selfmodel.names import shown
 
 UNITS_PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 """How many of each unit of length make a metre."""
+_WORD = r"(?<![\w./])[\w.]+(?![\w/])"
 _ROW_KEYS = ("sample", "sweep", "marker", "mirror")
 _KEYS = (
     "name",
@@ -119,7 +120,8 @@ def _in_own_headings(headings: Mapping[str, str]) -> Iterator[None]:
     """Say what is wrong with a data set's columns of the table's: where its headings are others."""
 
     def own(said: object) -> str:
-        return re.sub(r"[\w.]+", lambda word: headings.get(word[0], word[0]), str(said))
+        # A part of a path that is called like a column stays as it is.
+        return re.sub(_WORD, lambda word: headings.get(word[0], word[0]), str(said))
 
     with warnings.catch_warnings(record=True) as doubts:
         warnings.simplefilter("always")
