@@ -18,7 +18,7 @@ from nico_selfmodel.estimation.contingency.contingency import (
 from nico_selfmodel.estimation.contingency.image_witness import ImageVerdict
 from nico_selfmodel.estimation.contingency.motion_response import MotionResponse
 from nico_selfmodel.estimation.mirrors.mark_place import NOT_ON_ME, ON_GLASS, ON_ME
-from nico_selfmodel.experiments.mirror_test import report
+from nico_selfmodel.experiments.mirror_test import report, robots_apart
 from nico_selfmodel.experiments.mirror_test.encounters import EXPECTED, EncounterStage, Trial
 from nico_selfmodel.experiments.mirror_test.images import ALLOWED, ImageStage, ImageTrial
 from nico_selfmodel.experiments.mirror_test.marks import MarkStage, MarkTrial
@@ -128,6 +128,27 @@ def test_robots_of_several_processes_are_judged_as_one_test():
     assert whole.error == "no place"
     assert report_of(together(parts[:1])).document["stages"][0]["status"] == "NOT_EVALUATED"
     assert report_of(replace(whole, error=None)).document["status"] == "PASS"
+
+
+@pytest.mark.parametrize(
+    ("robots", "trials", "marks", "processes", "dealt"),
+    [
+        (5, 100, 104, 2, 2),
+        (5, 100, 104, 9, 5),
+        (4, 100, 16, 4, 2),  # eight kinds of trials with marks each
+        (4, 14, 104, 3, 2),  # seven kinds of encounters each
+        (2, 7, 8, 2, 1),
+    ],
+)
+def test_no_more_processes_share_robots_than_trials_suffice_for(
+    robots, trials, marks, processes, dealt
+):
+    shares = robots_apart.shares_of(robots, trials, marks, processes)
+    assert len(shares) == dealt
+    assert [one[0] for one in shares] == [0, *(one[1] for one in shares[:-1])]
+    assert shares[-1][1] == robots
+    assert sum(one[2] for one in shares) == trials
+    assert sum(one[3] for one in shares) == marks
 
 
 def test_not_me_is_no_mistake_where_nobody_is():

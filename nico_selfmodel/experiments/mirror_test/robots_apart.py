@@ -54,7 +54,7 @@ def run_apart(
         looks: Of each robot at its unmarked body.
         marks: Trials with marks in all.
         plate: The glass from stage 2 on.
-        processes: How many; no more than there are robots.
+        processes: How many; no more than there are robots, nor than trials suffice for.
         progress: Told when one has ended.
 
     Raises:
@@ -63,14 +63,41 @@ def run_apart(
     """
     check_trials(trials, len(seeds))
     check_marks(marks, len(seeds))
-    count = min(processes, len(seeds))
-    ends = [round(k * len(seeds) / count) for k in range(count + 1)]
-    shares = []
-    for begin, end in pairwise(ends):
-        own = [round(end * n / len(seeds)) - round(begin * n / len(seeds)) for n in (trials, marks)]
-        shares.append(_Share(world, tuple(seeds[begin:end]), own[0], looks, own[1], plate))
+    dealt = shares_of(len(seeds), trials, marks, processes)
+    shares = [
+        _Share(world, tuple(seeds[begin:end]), own_trials, looks, own_marks, plate)
+        for begin, end, own_trials, own_marks in dealt
+    ]
     tell = telling(progress, "robots going through the test")
-    return together(Workers(count).map(_run, shares, tell))
+    return together(Workers(len(shares)).map(_run, shares, tell))
+
+
+def shares_of(
+    robots: int, trials: int, marks: int, processes: int
+) -> list[tuple[int, int, int, int]]:
+    """Deal robots and trials out, to as many processes as can have all kinds of trials each.
+
+    Returns:
+        First robot, the one after the last, encounters and trials with marks of each process.
+
+    Raises:
+        ValueError: If not even one process can.
+    """
+    for count in range(min(processes, robots), 0, -1):
+        ends = [round(k * robots / count) for k in range(count + 1)]
+        dealt = [[round(end * n / robots) for end in ends] for n in (trials, marks)]
+        shares = [
+            (a, b, t_b - t_a, m_b - m_a)
+            for (a, b), (t_a, t_b), (m_a, m_b) in zip(*map(pairwise, (ends, *dealt)), strict=True)
+        ]
+        try:
+            for a, b, own_trials, own_marks in shares:
+                check_trials(own_trials, b - a)
+                check_marks(own_marks, b - a)
+        except ValueError:
+            continue
+        return shares
+    raise ValueError(f"{trials} trials and {marks} marks are too few for {robots} robots")
 
 
 def _run(share: _Share) -> MirrorTest:

@@ -79,9 +79,10 @@ def shape_of_recording(
             found.
         ValueError: If a link does not exist, or moves with the arm.
     """
-    shown = shown_enough(data)
+    shown = shown_enough(data.select(data.mirror != ""))
     if test is not None:
-        test = test.select(np.isin(test.mirror, np.unique(shown.mirror)))
+        judging = np.isin(test.mirror, np.unique(shown.mirror))
+        test = test.select(judging) if judging.any() else None
     found = calibrate_mirrors(shown, model, test=test)
     told = replace(found.model, covariance=found.covariance)
     robot = described(told)
@@ -125,7 +126,7 @@ def _require_standing(image: BodyImage, links: Sequence[str]) -> None:
             raise ValueError(
                 f"--link {link}: it moves with the arm, and a shape is learned of what stands still"
             )
-        refuse_unknown("--link", link, standing)
+        refuse_unknown("link", link, standing)
 
 
 def _vague(model: SelfModel, mirror: str) -> float:
