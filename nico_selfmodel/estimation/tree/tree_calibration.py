@@ -21,9 +21,15 @@ from nico_selfmodel.estimation.tree.compared_errors import usual_errors
 from nico_selfmodel.estimation.tree.contradictions.against_the_rest import refuse_odd_sensor
 from nico_selfmodel.estimation.tree.contradictions.heavy_tails import noise_to_expect
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, held_scores
+from nico_selfmodel.estimation.tree.contradictions.lens_parts import LensPart
 from nico_selfmodel.estimation.tree.contradictions.mended_readings import start_as_it_was_read
 from nico_selfmodel.estimation.tree.contradictions.no_pose_tells import told_by_no_pose
-from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed, too_short
+from nico_selfmodel.estimation.tree.contradictions.ran_away import (
+    check_that_it_stayed,
+    noise_words,
+    noisy_joints,
+    too_short,
+)
 from nico_selfmodel.estimation.tree.contradictions.standing_still import (
     check_that_it_moved,
     dead_encoders,
@@ -120,10 +126,19 @@ class TreeCalibration:
     """What tells lengths where a description alone does, and little how far that is off."""
 
     @cached_property
-    def held(self) -> dict[str, HeldScore]:
-        """What the recording says against lenses and lengths that it is told; nothing if `anew`."""
+    def _told(self) -> tuple[dict[str, HeldScore], tuple[LensPart, ...]]:
         bend = self.ladder.solution
-        return {} if self.anew else held_scores(bend.problem, bend.solution)
+        return ({}, ()) if self.anew else held_scores(bend.problem, bend.solution)
+
+    @cached_property
+    def held(self) -> dict[str, HeldScore]:
+        """What the recording says against lengths that it is told; nothing if `anew`."""
+        return self._told[0]
+
+    @property
+    def lens_parts(self) -> tuple[LensPart, ...]:
+        """Which numbers of lenses that it is told it contradicts; none if `anew`."""
+        return self._told[1]
 
     @cached_property
     def told_by_no_pose(self) -> tuple[bool, ...]:
@@ -312,7 +327,8 @@ def _finished(
     parameters, setup = start.parameters, start.setup
     problem, rigid = refined
     told = {name: mean for name, (mean, _) in setup.priors.items()} | dict(setup.fixed)
-    cause = dead_encoders(data, data.joint_names) or too_short(setup.scale_from, told)
+    noise = noise_words(noisy_joints(problem.observations, rigid))
+    cause = dead_encoders(data, data.joint_names) or noise or too_short(setup.scale_from, told)
     lost = hardly_seen(data, ~rigid.outliers)
     check_that_it_stayed(parameters, start.values, rigid.values, cause, lost)
     late, ladder = None if anew else late_sensors(problem, rigid, test), bends(problem, rigid)
