@@ -21,19 +21,13 @@ from nico_selfmodel.estimation.tree.compared_errors import usual_errors
 from nico_selfmodel.estimation.tree.contradictions.against_the_rest import refuse_odd_sensor
 from nico_selfmodel.estimation.tree.contradictions.heavy_tails import noise_to_expect
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, held_scores
-from nico_selfmodel.estimation.tree.contradictions.lens_parts import LensPart
 from nico_selfmodel.estimation.tree.contradictions.mended_readings import start_as_it_was_read
 from nico_selfmodel.estimation.tree.contradictions.no_pose_tells import told_by_no_pose
 from nico_selfmodel.estimation.tree.contradictions.ran_away import (
     check_that_it_stayed,
-    noise_words,
-    noisy_joints,
-    too_short,
+    what_led_away,
 )
-from nico_selfmodel.estimation.tree.contradictions.standing_still import (
-    check_that_it_moved,
-    dead_encoders,
-)
+from nico_selfmodel.estimation.tree.contradictions.standing_still import check_that_it_moved
 from nico_selfmodel.estimation.tree.contradictions.told_values import agreeing_start
 from nico_selfmodel.estimation.tree.contradictions.unplaced_markers import (
     hardly_seen,
@@ -44,6 +38,7 @@ from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.guesses.lens_guess import PARTS, guessed_lenses
 from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart, agreeing, searched_start
 from nico_selfmodel.estimation.tree.known.described_scale import DescribedScale, doubting
+from nico_selfmodel.estimation.tree.known.lens_parts import LensPart
 from nico_selfmodel.estimation.tree.timing.late_sensors import late_sensors
 from nico_selfmodel.estimation.tree.tree_errors import (
     TreeErrors,
@@ -326,9 +321,7 @@ def _finished(
 ) -> TreeCalibration:
     parameters, setup = start.parameters, start.setup
     problem, rigid = refined
-    told = {name: mean for name, (mean, _) in setup.priors.items()} | dict(setup.fixed)
-    noise = noise_words(noisy_joints(problem.observations, rigid))
-    cause = dead_encoders(data, data.joint_names) or noise or too_short(setup.scale_from, told)
+    cause = what_led_away(problem.observations, rigid, setup)
     lost = hardly_seen(data, ~rigid.outliers)
     check_that_it_stayed(parameters, start.values, rigid.values, cause, lost)
     late, ladder = None if anew else late_sensors(problem, rigid, test), bends(problem, rigid)

@@ -12,7 +12,6 @@ from nico_selfmodel.estimation.tree.contradictions.held_scores import (
     size_of,
     target_on,
 )
-from nico_selfmodel.estimation.tree.contradictions.lens_parts import lens_findings
 from nico_selfmodel.estimation.tree.contradictions.sensor_noise import (
     CHECK_TOUCHES,
     unexplained_scalars,
@@ -26,6 +25,7 @@ from nico_selfmodel.estimation.tree.contradictions.wrong_readings import (
     seen_wrongly,
 )
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.known.lens_parts import lens_findings
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_setup import KNOWN_PLACES

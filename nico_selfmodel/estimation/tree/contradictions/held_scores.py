@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.sensors import DISTANCE, POINTS, POSES
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, WARNING
 from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
-from nico_selfmodel.estimation.tree.contradictions.lens_parts import (
+from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
+from nico_selfmodel.estimation.tree.known.lens_parts import (
     CHANCE,
     TOLD,
     LensPart,
     lens_columns,
     wrong_parts,
 )
-from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution

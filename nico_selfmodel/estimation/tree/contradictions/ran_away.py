@@ -7,8 +7,10 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.errors import NotConvergedError
 from nico_selfmodel.estimation.noise.hand_noise import LARGEST_JOINT_NOISE
+from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import BodyParameters
+from nico_selfmodel.estimation.tree.tree_setup import TreeSetup
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
 from nico_selfmodel.model.tree.body_tree import REVOLUTE
 from nico_selfmodel.names import listed
@@ -22,22 +24,6 @@ CHECK_READINGS = (
     "check units, the pairing of readings and observations, and whether something moved"
 )
 """What joints whose noise would be none may come of."""
-
-
-def too_short(scale_from: str | None, told: Mapping[str, float]) -> str:
-    """Say that one told length is all that tells how large a body is; empty where it is not.
-
-    Args:
-        scale_from: What tells lengths: `TreeSetup.scale_from`.
-        told: Values that the user knows, by the parameters' names.
-    """
-    if scale_from is None or scale_from not in told:
-        return ""
-    return (
-        f"how large all is only `{scale_from}` = {told[scale_from]:.3g} m tells, which may as well "
-        "be 0 by what was recorded: give a longer length (--fix NAME=VALUE), a distance of two "
-        f"markers, or leave `{scale_from}` free"
-    )
 
 
 def noisy_joints(seen: TreeObservations, solution: TreeSolution) -> dict[str, float]:
@@ -62,6 +48,38 @@ def noise_words(turning: Mapping[str, float], cause: str = CHECK_READINGS) -> st
     return (
         f"joint noise would have to be {np.degrees(max(turning.values())):.1f} deg to explain the "
         f"data ({listed(sorted(turning))}): {cause}"
+    )
+
+
+def what_led_away(seen: TreeObservations, solution: TreeSolution, setup: TreeSetup) -> str:
+    """Say what an adjustment may have run away for: encoders, noise, or a told length.
+
+    Args:
+        seen: What was seen.
+        solution: Where it ended.
+        setup: What was free.
+    """
+    told = {name: mean for name, (mean, _) in setup.priors.items()} | dict(setup.fixed)
+    return (
+        dead_encoders(seen.data, seen.data.joint_names)
+        or noise_words(noisy_joints(seen, solution))
+        or too_short(setup.scale_from, told)
+    )
+
+
+def too_short(scale_from: str | None, told: Mapping[str, float]) -> str:
+    """Say that one told length is all that tells how large a body is; empty where it is not.
+
+    Args:
+        scale_from: What tells lengths: `TreeSetup.scale_from`.
+        told: Values that the user knows, by the parameters' names.
+    """
+    if scale_from is None or scale_from not in told:
+        return ""
+    return (
+        f"how large all is only `{scale_from}` = {told[scale_from]:.3g} m tells, which may as well "
+        "be 0 by what was recorded: give a longer length (--fix NAME=VALUE), a distance of two "
+        f"markers, or leave `{scale_from}` free"
     )
 
 
