@@ -7,7 +7,7 @@ import pytest
 
 from nico_selfmodel.dataset.body.body_dataset import ObservationTable
 from nico_selfmodel.dataset.body.sensors import SensorInfo
-from nico_selfmodel.errors import ContradictedError, DataError
+from nico_selfmodel.errors import ContradictedError, DataError, NotConvergedError
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.monitoring.body_health import check_body_health
 from nico_selfmodel.estimation.monitoring.body_relearning import rezero_body
@@ -120,6 +120,16 @@ def test_a_sensor_that_hangs_is_named(arm):
     values[table.marker == 1] = values[np.flatnonzero(table.marker == 1)[0]]
     said = refusal(replace(arm, observations=replace(table, values=values)))
     assert "what 'tracker' measured of 'hand_tag1' is the same to the last digit" in said
+
+
+@pytest.mark.slow
+def test_noise_with_which_a_body_runs_away_is_the_cause():
+    data = one_arm(402, joints=4, markers=2, poses=40, sensor="camera").data
+    shuffled = np.random.default_rng(409).permuted(data.readings, axis=0)
+    with pytest.raises(
+        NotConvergedError, match=r"ran away.*joint noise would have to be 65\.\d deg"
+    ):
+        calibrate_tree(replace(data, readings=shuffled), effects=())
 
 
 @pytest.mark.slow

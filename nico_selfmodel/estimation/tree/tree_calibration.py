@@ -23,11 +23,11 @@ from nico_selfmodel.estimation.tree.contradictions.heavy_tails import noise_to_e
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, held_scores
 from nico_selfmodel.estimation.tree.contradictions.mended_readings import start_as_it_was_read
 from nico_selfmodel.estimation.tree.contradictions.no_pose_tells import told_by_no_pose
-from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed, too_short
-from nico_selfmodel.estimation.tree.contradictions.standing_still import (
-    check_that_it_moved,
-    dead_encoders,
+from nico_selfmodel.estimation.tree.contradictions.ran_away import (
+    check_that_it_stayed,
+    what_led_away,
 )
+from nico_selfmodel.estimation.tree.contradictions.standing_still import check_that_it_moved
 from nico_selfmodel.estimation.tree.contradictions.told_values import agreeing_start
 from nico_selfmodel.estimation.tree.contradictions.unplaced_markers import (
     hardly_seen,
@@ -38,6 +38,7 @@ from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.guesses.lens_guess import PARTS, guessed_lenses
 from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart, agreeing, searched_start
 from nico_selfmodel.estimation.tree.known.described_scale import DescribedScale, doubting
+from nico_selfmodel.estimation.tree.known.lens_parts import LensPart
 from nico_selfmodel.estimation.tree.timing.late_sensors import late_sensors
 from nico_selfmodel.estimation.tree.tree_errors import (
     TreeErrors,
@@ -120,10 +121,19 @@ class TreeCalibration:
     """What tells lengths where a description alone does, and little how far that is off."""
 
     @cached_property
-    def held(self) -> dict[str, HeldScore]:
-        """What the recording says against lenses and lengths that it is told; nothing if `anew`."""
+    def _told(self) -> tuple[dict[str, HeldScore], tuple[LensPart, ...]]:
         bend = self.ladder.solution
-        return {} if self.anew else held_scores(bend.problem, bend.solution)
+        return ({}, ()) if self.anew else held_scores(bend.problem, bend.solution)
+
+    @cached_property
+    def held(self) -> dict[str, HeldScore]:
+        """What the recording says against lengths that it is told; nothing if `anew`."""
+        return self._told[0]
+
+    @property
+    def lens_parts(self) -> tuple[LensPart, ...]:
+        """Which numbers of lenses that it is told it contradicts; none if `anew`."""
+        return self._told[1]
 
     @cached_property
     def told_by_no_pose(self) -> tuple[bool, ...]:
@@ -311,8 +321,7 @@ def _finished(
 ) -> TreeCalibration:
     parameters, setup = start.parameters, start.setup
     problem, rigid = refined
-    told = {name: mean for name, (mean, _) in setup.priors.items()} | dict(setup.fixed)
-    cause = dead_encoders(data, data.joint_names) or too_short(setup.scale_from, told)
+    cause = what_led_away(problem.observations, rigid, setup)
     lost = hardly_seen(data, ~rigid.outliers)
     check_that_it_stayed(parameters, start.values, rigid.values, cause, lost)
     late, ladder = None if anew else late_sensors(problem, rigid, test), bends(problem, rigid)

@@ -30,9 +30,13 @@ from nico_selfmodel.estimation.tree.contradictions.contradiction_words import (
 from nico_selfmodel.estimation.tree.contradictions.exchanged_markers import exchanged_markers
 from nico_selfmodel.estimation.tree.contradictions.flange_words import both_inverted, flange_misfits
 from nico_selfmodel.estimation.tree.contradictions.heavy_tails import slipping_joints
+from nico_selfmodel.estimation.tree.contradictions.ran_away import (
+    CHECK_READINGS,
+    noise_words,
+    noisy_joints,
+)
 from nico_selfmodel.estimation.tree.contradictions.sensor_noise import (
     loose_sigmas,
-    noisy_joints,
     sensor_misfits,
     unexplained_sensors,
 )
@@ -182,18 +186,15 @@ def _assumed_sigmas(calibration: TreeCalibration) -> list[str]:
 
 
 def _noise_reasons(calibration: TreeCalibration) -> list[str]:
-    data, turning = calibration.data, noisy_joints(calibration)
+    data, seen = calibration.data, calibration.train.observations
+    turning = noisy_joints(seen, calibration.solution)
     if not turning:
         return []
-    worst = np.degrees(max(turning.values()))
-    cause = "check units, the pairing of readings and observations, and whether something moved"
+    cause = CHECK_READINGS
     if any(marker.xyz and f"{marker.name}.x" in calibration.setup.told for marker in data.markers):
         cause += "; 'xyz' of markers on a link are in its joint's frame, z the joint's axis"
     cause = dead_encoders(data, turning) or cause
-    return [
-        f"joint noise would have to be {worst:.1f} deg to explain the data "
-        f"({listed(sorted(turning))}): {cause}"
-    ]
+    return [noise_words(turning, cause)]
 
 
 def _slip_words(calibration: TreeCalibration) -> list[str]:

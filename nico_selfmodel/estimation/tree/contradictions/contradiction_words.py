@@ -8,8 +8,6 @@ from nico_selfmodel.estimation.noise.contradictions import LEAST_SHARE, WHERE_TO
 from nico_selfmodel.estimation.observations.outlier_words import name_samples, stuck_encoder
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE, LAST, Finding
 from nico_selfmodel.estimation.tree.contradictions.held_scores import (
-    LENS_PARTS,
-    HeldScore,
     severity_of,
     size_of,
     target_on,
@@ -27,16 +25,16 @@ from nico_selfmodel.estimation.tree.contradictions.wrong_readings import (
     seen_wrongly,
 )
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.known.lens_parts import lens_findings
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_setup import KNOWN_PLACES
-from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import PRISMATIC, WORLD
 from nico_selfmodel.names import listed
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 
 _NOTABLE = 0.005
-"""Share of a lens' focal length, or of a length, below which it is not worth a word."""
+"""Share of a length below which it is not worth a word."""
 _LARGEST_SHARE = 0.1
 """Noise that is so much of what a joint that slides moved is none."""
 _EXPLAINED = 0.5
@@ -194,32 +192,20 @@ def _sliding(calibration: TreeCalibration) -> list[Finding]:
 
 def _of_sensors(calibration: TreeCalibration, *, lengths: bool) -> list[Finding]:
     """Say which lenses and lengths the recording contradicts; all lenses in one sentence."""
-    lenses: dict[str, list[str]] = {}
-    found, least = [], _EXPLAINED * unexplained_scalars(calibration)
-    for name, score in calibration.held.items():
-        severity = severity_of(score)
-        lens = calibration.tree.lenses.get(name)
-        if not severity or not _is_worth(score, lens) or score.gain < least:
+    least = _EXPLAINED * unexplained_scalars(calibration)
+    found = lens_findings(calibration.lens_parts, calibration.tree.lenses, least)
+    for name, score in calibration.held.items() if lengths else ():
+        severity, (value,), (sigma,) = severity_of(score), score.values, score.sigma
+        notable = abs(value) > _NOTABLE and sigma < _VAGUE
+        if not severity or not notable or score.gain < least:
             continue
-        if lens is not None:
-            lenses.setdefault(severity, []).append(_wish(name, lens, score))
-        if lens is not None or not lengths:
-            continue
-        factor = float(np.exp(score.values[0]))
+        factor = float(np.exp(value))
         measured = name in {rows.name for rows in calibration.train.observations.sensors}
         what = f"what sensor {name!r} measured is" if measured else f"{name} is told"
         text = (
-            f"{what} {factor:.4g} +- {factor * score.sigma[0]:.2g} times as long as all else "
+            f"{what} {factor:.4g} +- {factor * sigma:.2g} times as long as all else "
             "says: check the size of the target (a tag, a board's squares, `xyz` of markers), "
             "distances, and units"
-        )
-        found.append(Finding(severity, text))
-    for severity, wishes in lenses.items():
-        freed = " ".join(f"--free {wish.split()[0]}" for wish in wishes)
-        text = (
-            f"lenses contradict what was seen ({listed(wishes)}): lenses or rows of two cameras "
-            f"exchanged, pictures of another size, or lenses that are not exact; `{freed}` and so "
-            "on learns them"
         )
         found.append(Finding(severity, text))
     return sorted(found, key=lambda one: one.severity != CAUSE)
@@ -244,16 +230,3 @@ def size_words(calibration: TreeCalibration) -> list[str]:
         for name, score in calibration.held.items()
         if name in rests and score.sigma[0] > _NOTABLE
     ]
-
-
-def _is_worth(score: HeldScore, lens: Camera | None) -> bool:
-    unit = 1.0 if lens is None else lens.fx
-    notable = bool((np.abs(score.values) > _NOTABLE * unit).any())
-    return notable and bool((score.sigma < _VAGUE * unit).all())
-
-
-def _wish(name: str, lens: Camera, score: HeldScore) -> str:
-    """Say where the number of a lens would go that goes farthest in its sigmas."""
-    k = int(np.argmax(np.abs(score.values) / score.sigma))
-    now = float(getattr(lens, LENS_PARTS[k]))
-    return f"{name}.{LENS_PARTS[k]} {now:.0f} px would go to {now + score.values[k]:.0f}"

@@ -22,22 +22,23 @@ from nico_selfmodel.dataset.body.sensors import DISTANCE, POINTS, POSES
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, WARNING
 from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
+from nico_selfmodel.estimation.tree.known.lens_parts import (
+    CHANCE,
+    TOLD,
+    LensPart,
+    lens_columns,
+    wrong_parts,
+)
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
 from nico_selfmodel.optimization.chi_square import chi_square_tail
 
-LENS_PARTS = ("fx", "fy", "cx", "cy")
-"""Numbers of a lens that are asked for."""
-_TOLD = 1e-3
-"""Share of a column that must be left beside what was free for it to be told apart."""
-_CHANCE = 1e-6
-"""How often noise alone may contradict what is held."""
 _CHANCE_DESCRIBED = 1e-3
 """How often a sound description may contradict it, of which hardly more than its parts tell."""
 _SHARE = 0.1
-"""Part of a sensor's squares from which on what is held is a fault; fixed lenses that were 5 % off
-took 0.66, a board 2 % too large 0.43, right ones of bodies that sag unknown to them 0.003."""
+"""Part of a sensor's squares from which on what is held is a fault; a board 2 % too large
+took 0.43, right lenses of bodies that sag unknown to them 0.003."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +57,9 @@ class HeldScore:
     """Chi square of one freedom that is as rare as how far off a description had to be."""
 
 
-def held_scores(problem: TreeProblem, solution: TreeSolution) -> dict[str, HeldScore]:
+def held_scores(
+    problem: TreeProblem, solution: TreeSolution
+) -> tuple[dict[str, HeldScore], tuple[LensPart, ...]]:
     """Return where what is said of sensors would go if the recording were asked.
 
     Args:
@@ -64,9 +67,9 @@ def held_scores(problem: TreeProblem, solution: TreeSolution) -> dict[str, HeldS
         solution: Where it ended.
 
     Returns:
-        Sensor -> of a camera whose lens was held, the score of fx, fy, cx and cy [px]; of others
-        that of the logarithm of the factor by which what they measure is too long; and by
-        `size_of` a board or `target_on` a link that of the factor by which it is told too large.
+        Sensor -> the score of the logarithm of the factor by which what it measures is too long;
+        and by `size_of` a board or `target_on` a link that of the factor by which it is told too
+        large. Then what is wrong of lenses that were held.
     """
     seen = problem.observations
     linear = problem.residuals.linear(solution.values, problem.poses)
@@ -74,24 +77,21 @@ def held_scores(problem: TreeProblem, solution: TreeSolution) -> dict[str, HeldS
     sizes = {**_by_sizes(seen, linear), **targets}
     both = replace(linear, J=np.vstack([linear.J, *sizes.values()]))
     alone = PosesApart.of(seen, ~solution.outliers[seen.row]).eliminated(both, problem.scale)
-    columns = {**_by_lenses(problem, alone), **_by_lengths(seen, linear)}
-    columns |= {
-        name: row[:, None] for name, row in zip(sizes, alone.J[len(linear.J) :], strict=True)
-    }
-    if not columns:
-        return {}
-    at = np.cumsum([0, *(one.shape[1] for one in columns.values())])
+    lenses, columns = lens_columns(problem, alone), _by_lengths(seen, linear)
+    columns |= dict(zip(sizes, alone.J[len(linear.J) :], strict=True))
+    if not lenses and not columns:
+        return {}, ()
     described = _described(problem, len(solution.whitened))
-    asked = np.hstack(list(columns.values()))
+    asked = np.column_stack([*lenses.values(), *columns.values()])
     Z, z, redundancy, told = _beside(problem, solution, asked, described)
     variance = max(float(z @ z) / redundancy, np.finfo(float).tiny)
     scores = {}
-    for (name, column), first, last in zip(columns.items(), at[:-1], at[1:], strict=True):
-        scalars = int(column.any(axis=1).sum())
+    for (name, column), own in zip(columns.items(), Z[:, len(lenses) :].T, strict=True):
+        scalars = int(np.count_nonzero(column))
         if name in targets:
-            scalars = min(scalars, 6 * _sights(seen, column[:, 0]))
-        scores[name] = _score(Z[:, first:last], z, variance, scalars, described, told - 1.0)
-    return scores
+            scalars = min(scalars, 6 * _sights(seen, column))
+        scores[name] = _score(own, z, variance, scalars, described, told - 1.0)
+    return scores, wrong_parts(lenses, Z[:, : len(lenses)], z, redundancy)
 
 
 def size_of(board: str) -> str:
@@ -113,19 +113,8 @@ def _described(problem: TreeProblem, rows: int) -> NDArray:
     return out
 
 
-def _by_lenses(problem: TreeProblem, linear: TreeLinear) -> dict[str, NDArray]:
-    """Return derivatives by focal lengths and middles of lenses that were held. (R, 4) each."""
-    parameters, found = problem.residuals.parameters, {}
-    seeing = {s.name for s in problem.observations.sensors}
-    for name in parameters.base.lenses:
-        inside = [f"{name}.{part}" for part in ("fx", "fy", "cx", "cy")]
-        if name in seeing and not set(inside) & set(problem.free_names):
-            found[name] = linear.J[[parameters.index[one] for one in inside]].T
-    return found
-
-
 def _by_lengths(seen: TreeObservations, linear: TreeLinear) -> dict[str, NDArray]:
-    """Return derivatives of r = factor predicted - measured by the factor's logarithm. (R, 1) each.
+    """Return derivatives of r = factor predicted - measured by the factor's logarithm. (R,) each.
 
     By what is predicted: where the sensor itself tells how large the body is, the body's size does
     the same to all of it, and nothing is left of the column.
@@ -134,7 +123,7 @@ def _by_lengths(seen: TreeObservations, linear: TreeLinear) -> dict[str, NDArray
     found = {}
     for rows in seen.sensors:
         if rows.kind in (DISTANCE, POINTS, POSES):
-            column = np.zeros((seen.scalars, 1))
+            column = np.zeros(seen.scalars)
             own = column[rows.scalars].reshape(rows.measured.shape)
             left = all_left[rows.scalars].reshape(rows.measured.shape)
             lengths = 1 if rows.kind == DISTANCE else 3
@@ -200,7 +189,7 @@ def _beside(
     both, own = np.column_stack([Z, z]), U[described]
     taken = np.linalg.lstsq(U.T @ U, np.column_stack([U.T @ both, own.T]), rcond=1e-12)[0]
     rest = both - U @ taken[:, : e + 1]
-    told = np.linalg.norm(rest[:, :-1], axis=0) > _TOLD * np.linalg.norm(Z, axis=0)
+    told = np.linalg.norm(rest[:, :-1], axis=0) > TOLD * np.linalg.norm(Z, axis=0)
     by_others = len(own) - float(np.sum(own.T * taken[:, e + 1 :]))
     return rest[:, :-1] * told, rest[:, -1], max(len(z) - free, 1), by_others
 
@@ -208,25 +197,23 @@ def _beside(
 def _score(
     Z: NDArray, z: NDArray, variance: float, scalars: int, described: NDArray, freedoms: float
 ) -> HeldScore:
-    size = np.linalg.norm(Z, axis=0)
-    e = len(size)
-    if not size.all():
-        return HeldScore(0.0, np.zeros(e), np.full(e, np.inf), scalars)
+    size = float(np.linalg.norm(Z))
+    if not size:
+        return HeldScore(0.0, np.zeros(1), np.full(1, np.inf), scalars)
     Z = Z / size
-    inner = np.linalg.pinv(Z.T @ Z, rcond=_TOLD**2, hermitian=True)
-    values = -inner @ (Z.T @ z)
-    gain = float(values @ (Z.T @ Z) @ values) / variance
-    before, after = (float(np.sum(one[described] ** 2)) for one in (z, z + Z @ values))
-    sigma, rare = np.sqrt(variance * np.diag(inner)) / size, 0.0
-    if e == 1 and freedoms > 1.0 and after < before:
+    value = -float(Z @ z)
+    before, after = (float(np.sum(one[described] ** 2)) for one in (z, z + Z * value))
+    sigma, rare = np.sqrt(variance) / size, 0.0
+    if freedoms > 1.0 and after < before:
         rare = ((8 * freedoms + 1) / (8 * freedoms + 3)) ** 2 * freedoms * np.log(before / after)
         sigma = sigma * np.sqrt(after / freedoms)
-    return HeldScore(gain, values / size, sigma, scalars, rare)
+    value_at, sigmas = np.array([value / size]), np.array([sigma])
+    return HeldScore(value**2 / variance, value_at, sigmas, scalars, rare)
 
 
 def severity_of(score: HeldScore) -> str:
     """Return how much a score says against what is held: `CAUSE`, `WARNING` or nothing."""
-    sound = chi_square_tail(score.gain, len(score.values)) > _CHANCE
+    sound = chi_square_tail(score.gain, len(score.values)) > CHANCE
     if sound and chi_square_tail(score.beside_description, 1) > _CHANCE_DESCRIBED:
         return ""
     return CAUSE if score.gain > _SHARE * score.scalars else WARNING

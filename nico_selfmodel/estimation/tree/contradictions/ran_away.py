@@ -6,12 +6,65 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import NotConvergedError
+from nico_selfmodel.estimation.noise.hand_noise import LARGEST_JOINT_NOISE
+from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import BodyParameters
+from nico_selfmodel.estimation.tree.tree_setup import TreeSetup
+from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
+from nico_selfmodel.model.tree.body_tree import REVOLUTE
+from nico_selfmodel.names import listed
 
 _FARTHEST = 100.0
 """Times the largest length of the first body, or turns in rad, that no body is from there."""
 _SMALLEST = 0.1
 """Size of a body of which nothing is known [m]."""
+
+CHECK_READINGS = (
+    "check units, the pairing of readings and observations, and whether something moved"
+)
+"""What joints whose noise would be none may come of."""
+
+
+def noisy_joints(seen: TreeObservations, solution: TreeSolution) -> dict[str, float]:
+    """Return joints that turn and whose noise would be none, with it [rad]."""
+    joints, noise = seen.data.joints, solution.noise.joint.tolist()
+    return {
+        joints[i].name: sigma
+        for (i, _), sigma in zip(seen.noisy_joints, noise, strict=True)
+        if joints[i].motion == REVOLUTE and sigma > LARGEST_JOINT_NOISE
+    }
+
+
+def noise_words(turning: Mapping[str, float], cause: str = CHECK_READINGS) -> str:
+    """Say that joints would have to be so noisy that they tell nothing; empty where none would.
+
+    Args:
+        turning: See `noisy_joints`.
+        cause: What it may come of.
+    """
+    if not turning:
+        return ""
+    return (
+        f"joint noise would have to be {np.degrees(max(turning.values())):.1f} deg to explain the "
+        f"data ({listed(sorted(turning))}): {cause}"
+    )
+
+
+def what_led_away(seen: TreeObservations, solution: TreeSolution, setup: TreeSetup) -> str:
+    """Say what an adjustment may have run away for: encoders, noise, or a told length.
+
+    Args:
+        seen: What was seen.
+        solution: Where it ended.
+        setup: What was free.
+    """
+    told = {name: mean for name, (mean, _) in setup.priors.items()} | dict(setup.fixed)
+    return (
+        dead_encoders(seen.data, seen.data.joint_names)
+        or noise_words(noisy_joints(seen, solution))
+        or too_short(setup.scale_from, told)
+    )
 
 
 def too_short(scale_from: str | None, told: Mapping[str, float]) -> str:

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.sensors import CAMERA, FIRST_SIGMA, POSES, SIGHTS
-from nico_selfmodel.estimation.noise.hand_noise import LARGEST_JOINT_NOISE, LARGEST_NOISE
+from nico_selfmodel.estimation.noise.hand_noise import LARGEST_NOISE
 from nico_selfmodel.estimation.tree.contradictions.against_the_rest import spread_of
+from nico_selfmodel.estimation.tree.contradictions.ran_away import noisy_joints
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
-from nico_selfmodel.model.tree.body_tree import REVOLUTE
 from nico_selfmodel.names import listed
 
 _MISFIT = 5.0
@@ -157,19 +157,8 @@ def _unexplained(calibration: TreeCalibration) -> Iterator[tuple[str, str, int]]
             yield f"{rows.name!r}{where}", " and ".join(words), rows.measured.size
 
 
-def noisy_joints(calibration: TreeCalibration) -> dict[str, float]:
-    """Return joints that turn and whose noise would be none, with it [rad]."""
-    joints, noise = calibration.data.joints, calibration.solution.noise.joint.tolist()
-    both = zip(calibration.train.observations.noisy_joints, noise, strict=True)
-    return {
-        joints[i].name: sigma
-        for (i, _), sigma in both
-        if joints[i].motion == REVOLUTE and sigma > LARGEST_JOINT_NOISE
-    }
-
-
 def unexplained_scalars(calibration: TreeCalibration) -> int:
     """Return how many numbers the body does not explain; noisy joints count once a pose."""
     poses = len(calibration.solution.slipped)
     seen = sum(scalars for _, _, scalars in _unexplained(calibration))
-    return seen + poses * len(noisy_joints(calibration))
+    return seen + poses * len(noisy_joints(calibration.train.observations, calibration.solution))
