@@ -2,11 +2,15 @@
 
 import copyreg
 import logging
+import os
+import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context, parent_process
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -53,6 +57,7 @@ class Workers:
 
         Raises:
             ConnectionError: If no Dask scheduler answers.
+            ChildProcessError: If a process was killed, as one is when memory runs out.
             ValueError: If Dask is not installed.
         """
         tell = progress or (lambda done, total: None)
@@ -83,11 +88,35 @@ def _gathered(futures: list[Any], finished: Iterator[Any], tell: Callable[..., N
 @contextmanager
 def _processes(count: int) -> Iterator[Executor]:
     """Give fresh processes: a fork would carry over Drake's servers and renderers."""
-    executor = ProcessPoolExecutor(count, mp_context=get_context("spawn"))
+    others = active_children()
+    executor = ProcessPoolExecutor(count, get_context("spawn"), initializer=_end_with_parent)
     try:
         yield executor
+    except BrokenProcessPool as error:
+        raise ChildProcessError(
+            "a process was killed before its job was done, as when memory runs out: take fewer "
+            "--processes"
+        ) from error
+    except KeyboardInterrupt:
+        for child in active_children():
+            if child not in others:
+                child.terminate()
+        raise
     finally:
         executor.shutdown(cancel_futures=True)
+
+
+def _end_with_parent() -> None:
+    """Let this process end when the one that asks for its results does, and leave Ctrl-C to it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+    assert parent is not None, "a spawned process has one"
+
+    def wait() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 @contextmanager

@@ -1,7 +1,14 @@
 """Jobs in other processes: what they return comes back as it was."""
 
+import os
 import pickle
+import signal
+import subprocess
+import sys
+import time
 from types import MappingProxyType
+
+import pytest
 
 from nico_selfmodel.experiments.mirror_test.stages import MirrorTest
 from nico_selfmodel.experiments.mirror_test.structure import StructureStage
@@ -28,3 +35,53 @@ def test_jobs_are_done_in_the_order_of_their_tasks_whoever_does_them():
     for count in (1, 2):
         found = Workers(count).map(dict, tasks)
         assert found == [{"a": 0}, {"a": 1}, {"a": 2}]
+
+
+_SLEEP = """
+import os, pathlib, sys, time
+from nico_selfmodel.parallel import Workers
+def sleep(file):
+    pathlib.Path(file).write_text(str(os.getpid()))
+    time.sleep(60.0)
+if __name__ == "__main__":
+    Workers(2).map(sleep, sys.argv[1:])
+"""
+
+
+def die(_):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def alive(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def wait_until(holds):
+    end = time.monotonic() + 30.0
+    while not holds():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_processes_end_with_the_one_that_started_them(tmp_path, stop):
+    script = tmp_path / "script.py"
+    script.write_text(_SLEEP)
+    files = [tmp_path / "a", tmp_path / "b"]
+    command = [sys.executable, script, *files]
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as running:
+        wait_until(lambda: all(file.is_file() and file.read_text() for file in files))
+        running.send_signal(stop)
+        assert running.wait(20.0) != 0
+    wait_until(lambda: not any(alive(int(file.read_text())) for file in files))
+
+
+@pytest.mark.slow
+def test_a_process_that_is_killed_is_told_as_one_that_lacks_memory():
+    with pytest.raises(ChildProcessError, match="memory runs out: take fewer --processes"):
+        Workers(2).map(die, [0, 1])

@@ -18,6 +18,8 @@ RIM = 0.5
 """Squares of white around the squares of a printed board."""
 _CELL, _CARD_CELL, _SQUARE = 48, 24, 64
 """Sides in the picture: of a cell of a marker alone and on a card, of a board's square [px]."""
+_DOT, _SPOTS = 4e-3, 150.0
+"""Side of a pixel of wallpaper [m], and spots that are printed on it a square metre."""
 
 
 def fiducial_png(marker: int) -> bytes:
@@ -46,6 +48,27 @@ def card_png(card: TagCard) -> bytes:
         printed = _enlarged(family.pattern(marker), cell)
         picture[top : top + len(printed), left : left + len(printed)] = printed
     return _png(picture)
+
+
+def wallpaper_png(size: tuple[float, float], seed: int = 0) -> bytes:
+    """Print wallpaper of spots of 1 to 30 cm in all colours, the same for the same seed.
+
+    Args:
+        size: Width and height [m].
+        seed: Which paper.
+    """
+    rng = np.random.default_rng(seed)
+    width, height = (round(side / _DOT) for side in size)
+    picture = np.full((height, width, 3), 128, np.uint8)
+    count = round(_SPOTS * size[0] * size[1])
+    radii = np.sort(0.005 * 30.0 ** rng.uniform(size=count) / _DOT)[::-1]
+    places = rng.uniform(size=(count, 2)) * [width, height]
+    shapes = np.rint(radii[:, None] * [[1.0, 0.6]]).astype(int)
+    turns, colors = rng.uniform(0.0, 180.0, count), rng.uniform(30.0, 230.0, (count, 3))
+    for place, shape, turn, color in zip(places, shapes, turns, colors, strict=True):
+        middle = np.rint(place).astype(int).tolist()
+        cv2.ellipse(picture, middle, shape, turn, 0.0, 360.0, color.tolist(), cv2.FILLED)
+    return cv2.imencode(".png", picture)[1].tobytes()
 
 
 def chessboard_png(board: Board) -> bytes:

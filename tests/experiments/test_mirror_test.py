@@ -460,10 +460,11 @@ def test_the_tables_count_what_was_said():
     [
         ("--marks", 3, "--marks must be at least 8"),
         ("--glass", "clear", "--glass clear: there are flat, bent, dirty, half"),
+        ("--walls", "tiled", "no walls 'tiled'"),
         ("--trials", 3, "--trials must be at least 7"),
     ],
 )
-def test_too_few_trials_and_glass_that_nobody_has_are_refused_in_one_line(
+def test_too_few_trials_and_glass_or_walls_that_nobody_has_are_refused_in_one_line(
     option, value, reason, tmp_path, command
 ):
     done = command("experiment", "mirror-test", option, value, "--out", tmp_path / "out")

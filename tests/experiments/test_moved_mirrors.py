@@ -24,7 +24,7 @@ def learned_from(monkeypatch, off, count=8):
     """Return the mirrors of each time a shape was learned, where pictures move one of them."""
     seen = []
 
-    def outlined(looks, _):
+    def outlined(looks, *_):
         seen.append(tuple(looks.mirrors))
         assert [shot.mirror for shot in looks.shots] == list(looks.mirrors)
         assert [f"m{pair[0].item()}" for pair in looks.covered] == list(looks.mirrors)

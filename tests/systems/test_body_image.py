@@ -1,7 +1,9 @@
 """What a robot expects to see of itself, held against what it sees, directly and in a mirror."""
 
+from dataclasses import replace
 from functools import cache
 
+import cv2
 import numpy as np
 import pytest
 from pydrake.common.value import AbstractValue
@@ -18,6 +20,7 @@ from nico_selfmodel.systems.image_values import bgr_of
 from nico_selfmodel.systems.rendering.body_image import NOTHING, BodyImage
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate, put_mirror
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
+from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 from nico_selfmodel.vision.images.image_array import bgr_of_rgba
 
 
@@ -37,23 +40,43 @@ def image():
         yield one
 
 
-@pytest.fixture(scope="module")
-def look():
+def looked(robot):
     """Return the true mirror, readings, and what both cameras see in a large one."""
-    before = NicoBeforeMirrors(nico(), {"glass": DEFAULT_MIRROR}, plate=MirrorPlate("m", 1.4, 1.4))
+    before = NicoBeforeMirrors(robot, {"glass": DEFAULT_MIRROR}, plate=MirrorPlate("m", 1.4, 1.4))
     view = before.views["glass"]
     with before.station(0) as station:
         simulator = Simulator(station)
         context = simulator.get_mutable_context()
-        command = commands_of_angles(
-            station.joints, nico().arm.lower, nico().arm.upper, view.q[:1]
-        )[0]
+        command = commands_of_angles(station.joints, robot.arm.lower, robot.arm.upper, view.q[:1])[
+            0
+        ]
         station.GetInputPort("encoders_commanded").FixValue(context, command)
         put_mirror(station, context, view.X_BM)
         simulator.AdvanceTo(2.5)
         readings = np.array(station.GetOutputPort("encoders").Eval(context))
         pictures = [station.picture(context, side) for side in ("left", "right")]
-    return nico().ground_truth.mirror(view.X_BM), readings, pictures
+    return robot.ground_truth.mirror(view.X_BM), readings, pictures
+
+
+@pytest.fixture(scope="module")
+def look():
+    return looked(nico())
+
+
+@pytest.mark.slow
+def test_papered_walls_show_in_a_mirror_behind_the_body_and_change_nothing_of_it(image, look):
+    papered = replace(imperfections_named("clean"), papered=True)
+    mirror, readings, pictures = looked(
+        RenderedNico(papered, 2, ("fiducial",), ImageQuality(1, noise=0.0))
+    )
+    for side, (picture, before) in enumerate(zip(pictures, look[2], strict=True)):
+        labels = image.expect(readings, mirror, side).labels
+        still = (labels != NOTHING) & ~np.isin(labels, list(image.moving))
+        parts = [one.astype(np.uint8) for one in (still, labels == NOTHING)]
+        inside, beside = (cv2.erode(one, np.ones((9, 9))) > 0 for one in parts)
+        apart = np.abs(picture.astype(float) - before)[inside].max(axis=1)
+        assert np.mean(apart <= 2.0) > 0.99  # but where the arm is not as it is expected
+        assert picture[beside].std(axis=0).min() > 20.0
 
 
 @pytest.mark.slow

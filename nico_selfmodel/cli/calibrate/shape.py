@@ -23,9 +23,9 @@ def shape(
     """Learn the outer shape of links from pictures in mirrors.
 
     The model has arm, cameras and its robot's description. The recording kept its pictures
-    (`--images`) before at least six mirrors in a plain room, and one without: the hand tells where
-    the mirrors stand, the pictures the shape, in colours, with a standard deviation a vertex.
-    Poses that are held out judge the mirrors.
+    (`--images`) before at least six mirrors, and one without: the hand tells where the mirrors
+    stand, the pictures the shape, in colours, with a standard deviation a vertex. Poses that are
+    held out judge the mirrors.
     """
     import numpy as np
 

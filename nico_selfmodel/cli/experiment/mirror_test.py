@@ -1,5 +1,6 @@
 """`nico-selfmodel experiment mirror-test`: what chapter 10 of the thesis leaves to the future."""
 
+from dataclasses import replace
 from typing import Annotated
 
 import typer
@@ -7,6 +8,7 @@ import typer
 from nico_selfmodel.cli import options, printer
 from nico_selfmodel.cli.experiment.running import finish
 from nico_selfmodel.cli.option_groups import Output
+from nico_selfmodel.names import refuse_unknown
 
 
 def mirror_test(
@@ -27,6 +29,9 @@ def mirror_test(
             "--glass", help="What is put before the robot: flat, bent, dirty or half (of a body)."
         ),
     ] = "flat",
+    walls: Annotated[
+        str, typer.Option("--walls", help="What mirrors show behind the robot: plain or papered.")
+    ] = "plain",
     imperfections: options.Imperfections = "thesis",
     processes: options.Processes = 1,
     seed: options.FirstSeed = 0,
@@ -45,7 +50,8 @@ def mirror_test(
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
     output.refuse()
-    chosen = imperfections_named(imperfections)
+    refuse_unknown("walls", walls, ("plain", "papered"))
+    chosen = replace(imperfections_named(imperfections), papered=walls == "papered")
     from nico_selfmodel.sessions.mirrors.knowing import glass_named
 
     plate = glass_named(glass)

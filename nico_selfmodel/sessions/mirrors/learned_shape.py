@@ -14,13 +14,20 @@ from nico_selfmodel.estimation.shape.refinement import RefinedSurface, refine_su
 from nico_selfmodel.estimation.shape.shape_views import ShapeView, ShapeViews
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.geometry.voxel_grid import VoxelGrid
+from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.shape.link_shape import BodyShape, LinkShape
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 from nico_selfmodel.sessions.mirrors.before_pictures import mirrors_and_cameras
+from nico_selfmodel.sessions.mirrors.known_body import Shot
 from nico_selfmodel.sessions.mirrors.shape_looks import FEWEST_MIRRORS, ShapeLooks
 from nico_selfmodel.sessions.progress import Stage, telling
-from nico_selfmodel.vision.images.body_outline import beyond_body, plain_color
+from nico_selfmodel.vision.images.body_outline import (
+    beyond_body,
+    beyond_by_depth,
+    plain_color,
+    shows_room,
+)
 from nico_selfmodel.vision.images.image_array import smoothed_within
 from nico_selfmodel.vision.images.stereo_depth import RectifiedPair
 
@@ -130,9 +137,9 @@ def learn_shape(
         rng: Source of samples of what is not known.
 
     Raises:
-        EstimationError: If the room is not plain, or no surface is found.
+        EstimationError: If no surface is found.
     """
-    views = outlined(looks, model)
+    views = outlined(looks, model, skeleton)
     depths = _depths(looks, views)
     own = np.isin(skeleton.links, list(wanted))
     grid = VoxelGrid.about(skeleton.lines[own].reshape(-1, 3), REACH, _PITCH)
@@ -157,22 +164,51 @@ def learn_shape(
     return LearnedShape(BodyShape(links, {link: poses[link] for link in links}), found)
 
 
-def outlined(looks: ShapeLooks, model: SelfModel) -> ShapeViews:
+def outlined(looks: ShapeLooks, model: SelfModel, skeleton: Skeleton) -> ShapeViews:
     """Return all pictures with outlines; what the arm may cover is of no body and no room.
 
     A hand before the chest has other colours in one picture than the chest in all others: that
     these disagree would count as an error of the chest.
     """
     room = plain_color(looks.room)
+    if all(
+        shows_room(plain_color(picture), room) for shot in looks.shots for picture in shot.pictures
+    ):
+        beyond = [
+            [beyond_body(p, room, n) for p, n in zip(shot.pictures, looks.noise, strict=True)]
+            for shot in looks.shots
+        ]
+    else:
+        pair = RectifiedPair.of(model.rig)
+        beyond = [
+            _beyond_by_depth(shot, room, mirror, pair, skeleton)
+            for shot, mirror in zip(looks.shots, looks.mirrors.values(), strict=True)
+        ]
     views = [
-        ShapeView(k, side, picture, np.where(arm, np.nan, beyond))
+        ShapeView(k, side, picture, np.where(arm, np.nan, beyond[k][side]))
         for k, shot in enumerate(looks.shots)
         for side, (picture, arm) in enumerate(zip(shot.pictures, looks.covered[k], strict=True))
-        for beyond in [beyond_body(picture, room, looks.noise[side])]
     ]
     cameras, covariance = mirrors_and_cameras(model, tuple(looks.mirrors))
     mirrors = tuple(looks.mirrors.values())
     return ShapeViews(tuple(views), model.rig, mirrors, cameras, covariance)
+
+
+def _beyond_by_depth(
+    shot: Shot, room: NDArray, mirror: Mirror, pair: RectifiedPair, skeleton: Skeleton
+) -> list[NDArray]:
+    """Return which pixels of both pictures show what is about the joints, and what is not."""
+    found = []
+    for side, picture in enumerate(shot.pictures):
+        depth = pair.depth(shot.pictures, _NEAREST, side)
+        v, u = np.nonzero(np.isfinite(depth))
+        p_WQ = mirror.reflect(pair.points(depth[v, u], np.stack([u, v], axis=1), side))
+        near = skeleton.within(p_WQ, skeleton.links, REACH)
+        masks = [np.zeros(depth.shape, np.uint8) for _ in range(2)]
+        masks[0][v, u], masks[1][v, u] = near, ~near
+        own, other = (pair.unbent(mask, side) > 0 for mask in masks)
+        found.append(beyond_by_depth(picture, room, own, other))
+    return found
 
 
 def _depths(looks: ShapeLooks, views: ShapeViews) -> list[DepthView]:
@@ -182,7 +218,7 @@ def _depths(looks: ShapeLooks, views: ShapeViews) -> list[DepthView]:
     for k, shot in enumerate(looks.shots):
         depth = pair.depth(shot.pictures, _NEAREST)
         inside = pair.bent(views.views[2 * k].beyond, 0) < _INSIDE
-        found.append(DepthView(k, pair.left, np.where(inside, depth, np.nan)))
+        found.append(DepthView(k, pair.turned[0], np.where(inside, depth, np.nan)))
     return found
 
 

@@ -75,8 +75,7 @@ def shape_of_recording(
     Raises:
         ModelError: If the model lacks cameras, an arm or a description.
         DataError: If pictures are missing, of another size, or in too few mirrors.
-        EstimationError: If too few mirrors are told well, the room is not plain, or no surface is
-            found.
+        EstimationError: If too few mirrors are told well, or no surface is found.
         ValueError: If a link does not exist, or moves with the arm.
     """
     shown = shown_enough(data.select(data.mirror != ""))

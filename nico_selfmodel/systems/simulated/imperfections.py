@@ -45,6 +45,8 @@ class Imperfections:
     """Noise of each measured coordinate [m]."""
     dropout_share: float = 0.0
     """Share of measurements in which the tracker loses a marker."""
+    papered: bool = False
+    """Whether papered walls stand behind and beside the robot, which it sees in mirrors."""
 
     def origin(self, robot: str, seed: int, session: int) -> str:
         """Return what a data set of such a robot says of where it comes from."""

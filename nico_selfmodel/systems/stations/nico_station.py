@@ -23,7 +23,7 @@ from nico_selfmodel.systems.nico_cameras import MOUNTS, NICO_CAMERAS
 from nico_selfmodel.systems.rendering.coarse_solids import draw_coarsely
 from nico_selfmodel.systems.rendering.mark_on_body import Mark, MarkOnBody
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate, MirrorScene
-from nico_selfmodel.systems.rendering.room import hang_cards
+from nico_selfmodel.systems.rendering.room import hang_cards, paper_walls
 from nico_selfmodel.systems.rendering.station_scene import (
     ROOM,
     BoardHolder,
@@ -157,6 +157,8 @@ class NicoStation(Closable, Diagram):
         )
         scene: Any = builder.GetMutableSubsystemByName("scene")
         self.__scene: SceneGraph = scene
+        if world.papered and mirror is not None:  # else they are behind the cameras
+            paper_walls(scene)
         self.__other: OtherRobot | None = None
         if other:
             self.__other, second = add_other_robot(builder, self.__scene, body, noise)

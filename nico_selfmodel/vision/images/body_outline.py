@@ -1,4 +1,4 @@
-"""Where a body ends in a picture before a plain room, by the room's colour."""
+"""Where a body ends in a picture: before a plain room by the room's colour, else by depths."""
 
 import cv2
 import numpy as np
@@ -22,6 +22,8 @@ _LEAST = 500
 """What is smaller is no body [px]."""
 _FAR = 60.0
 """Distances beyond are not told apart [px]."""
+_FAT = 4
+"""What is so near to where a depth jumps may have the depth of the other side [px]."""
 
 
 def plain_color(picture: NDArray) -> NDArray:
@@ -40,6 +42,45 @@ def plain_color(picture: NDArray) -> NDArray:
     return own[near].mean(axis=0)
 
 
+def shows_room(colors: NDArray, room: NDArray) -> NDArray:
+    """Return which colours in a glass are that of a plain room.
+
+    Args:
+        colors: BGR, as `plain_color` of a picture. Shape (..., 3).
+        room: Colour of the room as seen directly. Shape (3,).
+
+    Returns:
+        Shape (...).
+    """
+    ratio = colors / room
+    mean = ratio.mean(axis=-1)
+    return (_GLASS[0] < mean) & (mean < _GLASS[1]) & (np.ptp(ratio, axis=-1) < 0.1)
+
+
+def beyond_by_depth(picture: NDArray, room: NDArray, body: NDArray, other: NDArray) -> NDArray:
+    """Return on which side of an outline pixels are that depths put there, all about them too.
+
+    Depths do not tell to the pixel where a body ends: no outline passes there. Where a room is
+    plain nothing is to be matched, and the depths of the body go on: what has its colour may be it.
+
+    Args:
+        picture: BGR, 8 bits. Shape (h, w, 3).
+        room: Colour of the room as seen directly. Shape (3,).
+        body: Pixels whose depth is that of the body. Shape (h, w).
+        other: Pixels whose depth is that of the room behind it. Shape (h, w).
+
+    Returns:
+        60 for the room, -60 for the body, nan about the outline and where nothing is known.
+        Shape (h, w) [px].
+    """
+    around = np.ones((2 * _FAT + 1, 2 * _FAT + 1), np.uint8)
+    body = body & ~shows_room(cv2.blur(picture, (3, 3)), room)
+    # Single pixels that match by chance, or do not match, say nothing about what is around them.
+    smooth = [cv2.medianBlur(one.astype(np.uint8), 5) for one in (body, other)]
+    own, beyond = (cv2.erode(one, around) > 0 for one in smooth)
+    return np.where(own, -_FAR, np.where(beyond, _FAR, np.nan)).astype(np.float32)
+
+
 def beyond_body(picture: NDArray, room: NDArray, noise: float) -> NDArray:
     """Return how far each pixel is outside of what stands before the room.
 
@@ -55,15 +96,9 @@ def beyond_body(picture: NDArray, room: NDArray, noise: float) -> NDArray:
         beside the glass. Shape (h, w) [px].
 
     Raises:
-        EstimationError: If the commonest colour is not the room's, or nothing is before it.
+        EstimationError: If nothing is before the room.
     """
     color = plain_color(picture)
-    ratio = color / room
-    if not (_GLASS[0] < ratio.mean() < _GLASS[1] and np.ptp(ratio) < 0.1):
-        raise EstimationError(
-            f"most of a picture has the colour {_words(color)}, the room has {_words(room)}: what "
-            "is before the room is told by the room's colour, which must be plain"
-        )
     smooth = cv2.blur(picture, (3, 3)).astype(float)
     apart = _APART * noise / 3.0 + 1.0
     other = np.abs(smooth - color).max(axis=2) > apart
@@ -116,7 +151,3 @@ def _share(picture: NDArray, color: NDArray, own: NDArray) -> NDArray:
     found = np.sum((picture - color) * contrast, axis=2) / np.sum(contrast**2, axis=2).clip(25.0)
     edge = cv2.dilate(own.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     return np.where(deep > 0, 1.0, np.where(edge, np.clip(found, 0.0, 1.0), 0.0)).astype(np.float32)
-
-
-def _words(color: NDArray) -> str:
-    return ", ".join(f"{level:.0f}" for level in color)
