@@ -5,9 +5,14 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.arm.evaluation import Evaluation
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
-from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
+from nico_selfmodel.estimation.bending.what_bends import (
+    bending_faults,
+    bending_warnings,
+    kept_words,
+)
 from nico_selfmodel.estimation.diagnosis.gear_check import gear_words
 from nico_selfmodel.estimation.diagnosis.misread_joint import misread_joints, nearest_turns
+from nico_selfmodel.estimation.diagnosis.systematic_residuals import FAR, MUCH, tell_sides
 from nico_selfmodel.estimation.noise.hand_noise import LARGEST_JOINT_NOISE, LARGEST_NOISE
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import (
@@ -61,9 +66,11 @@ def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
         foreign, exchanged = exchanged, []
     failures = [
         calibration.contradicted_robot,
+        *bending_faults(calibration.ladder),
         *gear_words(calibration.doubtful_gears),
         *_fixed_reasons(calibration),
         *foreign,
+        *_untold_sides(calibration),
         *(_timing_reasons(calibration) if explained else ()),
     ]
     last = [_starts_reason(calibration), _held_out_outlier_reason(calibration)]
@@ -84,7 +91,9 @@ def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
 
 def _warnings(calibration: KinematicCalibration) -> list[str]:
     """Say what the model lacks, and what the data cannot support, though nothing fails."""
+    failed = [words.split(": say ")[0] for words in _untold_sides(calibration)]
     words = [str(pattern) for pattern in calibration.patterns[:_PATTERNS_SHOWN]]
+    words = [one for one in words if one not in failed]
     if words:
         words.append(
             "the model has nothing for it, so that the sigmas of parameters and predictions are "
@@ -101,6 +110,19 @@ def _warnings(calibration: KinematicCalibration) -> list[str]:
             f"{calibration.causes.stopped_after} starts"
         )
     return words
+
+
+def _untold_sides(calibration: KinematicCalibration) -> list[str]:
+    """Say that most of what is missed is a joint's backlash, where nobody told its side."""
+    told = calibration.train.observations.approach.any()
+    return [
+        f"{pattern}: {tell_sides(pattern.side_of)}"
+        for pattern in calibration.patterns[:1]
+        if pattern.side_of is not None
+        and not told
+        and pattern.score.improvement > MUCH
+        and abs(float(pattern.score.values[0])) > FAR
+    ]
 
 
 def _joint_noise_words(calibration: KinematicCalibration) -> list[str]:

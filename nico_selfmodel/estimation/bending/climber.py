@@ -22,7 +22,9 @@ from nico_selfmodel.estimation.bending.effect_fit import (
     fit_effects,
 )
 from nico_selfmodel.estimation.bending.implausible import (
+    FAR_TURNS,
     TURNS,
+    farthest_turned,
     gear_fault,
     implausible,
     lifts,
@@ -50,7 +52,6 @@ _NOTHING = 1.0
 without it, below which it is asked no further: what explains nothing leaves the noise as it is."""
 _GEARS_DO = "gears that are a little off explain it better"
 _COUPLINGS_DO = "couplings explain it better"
-_FAR_TURNS_DO = "joints that turn farther than any bend explain it better"
 _PIVOTS = 1.0
 """Standard deviation of a bearing's place on its axis, as a part of the rms of loads: it may be
 anywhere on its link."""
@@ -98,7 +99,7 @@ class Climber:
                 continue
             beside[effect] = self.kept
             steps[effect] = self.try_step(effect)
-            if steps[effect].gear is not None or steps[effect].reason == _FAR_TURNS_DO:
+            if steps[effect].gear is not None or steps[effect].reason == FAR_TURNS:
                 self.kept = ()
                 why = steps[effect].reason
                 return [replace(step, kept=False, reason=why) for step in steps.values()]
@@ -131,7 +132,7 @@ class Climber:
                 why = _GEARS_DO if gear is None else no_gear(gear)
                 step = replace(step, kept=False, reason=why, gear=gear)
         if step.gear is not None and after.evidence > self.too_far:
-            step = replace(step, reason=_FAR_TURNS_DO, gear=None)
+            step = replace(step, reason=FAR_TURNS, gear=None)
         elif step.gear is not None and self._couplings_do():
             step = replace(step, reason=_COUPLINGS_DO, gear=None)
         if step.reason == TURNS:
@@ -250,7 +251,8 @@ class Climber:
         means = self._typical(before), self._typical(after)
         gear = gear_fault(after)
         gear = None if gear is None or reason != no_gear(gear) else gear
-        return Step(effect, not reason, *means, gain, sigma, worth, reason, gear)
+        joint = farthest_turned(after, self.body) if reason == TURNS else ""
+        return Step(effect, not reason, *means, gain, sigma, worth, reason, gear, joint)
 
     def _gains(self, before: EffectFit, after: EffectFit) -> NDArray:
         """Return log(error before / error after) of unseen poses. Shape (P,)."""

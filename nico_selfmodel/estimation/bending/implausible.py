@@ -1,6 +1,7 @@
 """What is no bend, however well it fits: sag upward, gears far off, joints that turn by degrees."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.bending.bendable import GEAR, Bendable, Posture
 from nico_selfmodel.estimation.bending.effect_fit import EffectFit
@@ -16,6 +17,8 @@ NOT_ASKED = (
 """Why an effect that the user named was not tried."""
 TURNS = "joints would turn by more than 3 deg: that is no bend"
 """Why what turns joints too far goes."""
+FAR_TURNS = "joints that turn farther than any bend explain it better"
+"""Why all else goes then."""
 TILTS = "bearings would tilt by more than 3 deg: that is no bend"
 """The same of what gives way across joints."""
 COUPLES = "a joint would turn by more than a tenth of another's angle: check their readings"
@@ -47,10 +50,22 @@ def implausible(fit: EffectFit, body: Bendable) -> str:
             return COUPLES
         rest = (effect for effect in bending.effects if effect != COUPLING)
         bent = bent.with_bending(bending.with_effects(*rest))
-    turns = body.turns(bent)
-    if np.abs(turns - turns.mean(axis=0)).max() > _LARGEST:
+    if _turned(bent, body).max() > _LARGEST:
         return TURNS
     return TILTS if BEARING in bending.effects and _tilt(bent, body) > _LARGEST else ""
+
+
+def farthest_turned(fit: EffectFit, body: Bendable) -> str:
+    """Return the joint that a fit turns farthest beside its readings."""
+    bent = fit.parameters.with_values(fit.values)
+    assert bent.bending is not None
+    return bent.bending.joints[int(np.argmax(_turned(bent, body)))]
+
+
+def _turned(bent: Posture, body: Bendable) -> NDArray:
+    """Return by how much joints turn at most, about where they stand on the whole [rad]. (n,)."""
+    turns = body.turns(bent)
+    return np.abs(turns - turns.mean(axis=0)).max(axis=0)
 
 
 def _tilt(bent: Posture, body: Bendable) -> float:

@@ -41,6 +41,9 @@ class Step:
     gear: DoubtfulGear | None = None
     """The gear that contradicts its unit where it went for that: a fault, no bend."""
 
+    joint: str = ""
+    """The joint that it would turn farthest, where it went for turning one too far."""
+
     @property
     def hidden(self) -> bool:
         """Whether the data tell it, but not its good for unseen poses."""

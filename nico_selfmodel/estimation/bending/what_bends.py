@@ -9,9 +9,16 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.bending.bendable import GEAR
-from nico_selfmodel.estimation.bending.implausible import COUPLES, LIFTS, NOT_ASKED, TURNS
+from nico_selfmodel.estimation.bending.implausible import (
+    COUPLES,
+    FAR_TURNS,
+    LIFTS,
+    NOT_ASKED,
+    TURNS,
+)
 from nico_selfmodel.estimation.bending.ladder import Ladder
 from nico_selfmodel.estimation.bending.steps import STEPS, Step
+from nico_selfmodel.estimation.diagnosis.systematic_residuals import MUCH
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.files.csv_rows import number_of_word
 from nico_selfmodel.model.arm.bending import EFFECTS, Bending
@@ -30,6 +37,8 @@ WORDS = {
 """What an effect is called in a sentence."""
 
 
+_MUCH = float(np.log(MUCH))
+"""Gain of unseen poses from which on what is no bend is most of what they miss."""
 At = Callable[[Bending | None], tuple[NDArray, NDArray]]
 """Where tracked points are at the poses of a recording [m], shape (N, 3), and what joints turned,
 shape (P, n), of a body that bends so."""
@@ -134,6 +143,19 @@ def bending_warnings(ladder: Ladder, at: At) -> list[str]:
     refused = {e: why for e, why in asked.items() if why in (LIFTS, TURNS, COUPLES)}
     refused |= {e: asked.get(e, NOT_ASKED) for e in ladder.wanted if asked.get(e, NOT_ASKED)}
     return [f"{effect} is not kept: {why}" for effect, why in refused.items()]
+
+
+def bending_faults(ladder: Ladder) -> list[str]:
+    """Say which joint turns too far for a bend, where that is most of what unseen poses miss."""
+    far = [s for s in ladder.steps if s.joint and s.reason in (TURNS, FAR_TURNS)]
+    step = max(far, key=lambda step: step.gain, default=None)
+    if ladder.adopted or step is None or step.gain < max(_MUCH, 2.0 * step.gain_sigma):
+        return []
+    return [
+        f"{WORDS[step.effect]}: {step.joint!r} would turn by more than 3 deg beside its readings, "
+        f"which is no bend, and unseen poses would be met to {step.after:.2g} in place of "
+        f"{step.before:.2g} {ladder.unit}: check its readings, unit, gear and what turns off centre"
+    ]
 
 
 def bending_json(

@@ -18,8 +18,12 @@ LARGEST_CHANCE = 1e-5
 """Of a pattern in noise alone; some fifty are looked for."""
 _SIMPLER = 7.0
 """Chi square that each further number of a pattern must bring to be named first."""
-_FEWEST = 20
+FEWEST_POSES = 20
 """Poses below which no pattern is looked for."""
+MUCH = 1.5
+"""Times that the mean residual is smaller with a pattern from which on that is most of it."""
+FAR = 0.005
+"""Share of a body's size, and turn of a joint [rad], from which on such a pattern is a fault."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +38,8 @@ class Pattern:
     """What its numbers change of the predictions. Shape (N, 3, m)."""
     ripple_of: str | None = None
     """The joint, where it is waves in that joint's angle."""
+    side_of: str | None = None
+    """The joint, where it is the side from which that came."""
 
     def __str__(self) -> str:
         """Say it in words."""
@@ -51,7 +57,7 @@ def systematic_patterns(
     Returns:
         Patterns that noise does not make, the surest first.
     """
-    if test.linear.whitening.groups.poses < _FEWEST:
+    if test.linear.whitening.groups.poses < FEWEST_POSES:
         return ()
     found = []
     for effect in _effects(observations, parameters):
@@ -59,8 +65,9 @@ def systematic_patterns(
         columns = by_angle * effect.turns[:, None]
         score = test.of(columns)
         if score.chance < LARGEST_CHANCE:
-            joint = parameters.table.joints[effect.joint] if effect.ripple else None
-            found.append(Pattern(effect.in_words(score), score, columns, joint))
+            joint = parameters.table.joints[effect.joint]
+            of = (joint if kind else None for kind in (effect.ripple, effect.side))
+            found.append(Pattern(effect.in_words(score), score, columns, *of))
     return tuple(sorted(found, key=lambda p: _SIMPLER * p.score.dof - p.score.gain))
 
 
@@ -78,6 +85,8 @@ class _Effect:
     """What the fit has for the joint's angle: its zero, and of a ripple its gear. Shape (N, k)."""
     ripple: bool = False
     """Whether it is waves in the joint's angle."""
+    side: bool = False
+    """Whether it is the side from which the joint came."""
 
     def in_words(self, score: Score) -> str:
         """Put half of what it turns the joint by into words, beside what a fit takes of it."""
@@ -102,7 +111,15 @@ def _effects(observations: Observations, parameters: DhParameters) -> Iterator[_
             words = f"the other joints at {joint} (coupling)"
             yield _Effect(words, i, others - others.mean(axis=0), zero)
         words = f"the direction from which {joint} came (backlash, half width {{:.2g}} deg)"
-        yield _Effect(words, i, sides[:, i, None], zero)
+        yield _Effect(words, i, sides[:, i, None], zero, side=True)
+
+
+def tell_sides(joint: str) -> str:
+    """Say what is to be done where a joint's errors are those of the side from which it came."""
+    return (
+        f"say from which side it came (`approach.{joint}`, -1 or 1, in every sample; `record` "
+        "writes it), then its backlash is learned"
+    )
 
 
 def _moments(parameters: DhParameters, q: NDArray) -> NDArray:
@@ -163,8 +180,16 @@ def _sides(observations: Observations) -> NDArray:
     told = observations.approach
     if told.any():
         return told
-    samples, first, of = np.unique(observations.sample, return_index=True, return_inverse=True)
-    side = np.zeros((len(samples), observations.angles.shape[1]))
-    side[1:] = np.sign(np.diff(observations.angles[first], axis=0))
+    _, first, of = np.unique(observations.sample, return_index=True, return_inverse=True)
+    return sides_in_order(observations.angles[first])[of.reshape(-1)]
+
+
+def sides_in_order(readings: NDArray) -> NDArray:
+    """Return from which side joints came, of samples in the order of time. Shape (S, n).
+
+    A joint that stands still is where its last motion left it; 0 before the first.
+    """
+    side = np.zeros(readings.shape)
+    side[1:] = np.sign(np.diff(readings, axis=0))
     last = np.maximum.accumulate(np.where(side != 0.0, np.arange(len(side))[:, None], 0))
-    return np.take_along_axis(side, last, axis=0)[of.reshape(-1)]
+    return np.take_along_axis(side, last, axis=0)

@@ -5,7 +5,11 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
 from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, FIRST_SIGMA, SIGHTS
-from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
+from nico_selfmodel.estimation.bending.what_bends import (
+    bending_faults,
+    bending_warnings,
+    kept_words,
+)
 from nico_selfmodel.estimation.diagnosis.changes_in_time import Change
 from nico_selfmodel.estimation.diagnosis.flatness import bent_reasons
 from nico_selfmodel.estimation.diagnosis.gear_check import DoubtfulGear, gear_words
@@ -45,6 +49,7 @@ from nico_selfmodel.estimation.tree.contradictions.wrong_readings import gears_t
 from nico_selfmodel.estimation.tree.known.described_scale import contradicted_description
 from nico_selfmodel.estimation.tree.timing.moved_meanwhile import moved_meanwhile
 from nico_selfmodel.estimation.tree.timing.off_at_once import sensors_off_at_once
+from nico_selfmodel.estimation.tree.timing.patterned_errors import patterned_findings
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.estimation.tree.tree_observations import ENOUGH_TOUCHES, TURN_NOISE
@@ -72,6 +77,9 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     bend, asked = ladder.solution, not (calibration.anew or unexplained)
     change = moved_meanwhile(bend.problem, bend.solution) if asked else None
     gears = _doubtful_gears(calibration)
+    rigid = ladder.kept and not ladder.adopted  # is told what it would gain
+    asked = asked and not (gears or rigid or (change is not None and change.explains))
+    patterned = patterned_findings(bend.problem, bend.solution) if asked else []
     said = [] if test is None else [_held_out_words(calibration, test)]
     said += size_words(calibration)
     if calibration.setup.scale_from == DESCRIBED and calibration.by_description is None:
@@ -104,6 +112,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     return (
         *_late_findings(calibration.late),
         *findings(CAUSE, changed if cause else []),
+        *patterned,
         *contradiction_findings(calibration),
         *findings(
             MISFIT, [*_noise_reasons(calibration), *sensor_misfits(calibration), *unexplained]
@@ -111,7 +120,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
         *findings(FAILURE, [] if cause else changed),
         *findings(FAILURE, _contradicted_description(calibration)),
         *findings(FAILURE, bent_reasons(calibration.flatness)),
-        *findings(FAILURE, gear_words(gears)),
+        *findings(FAILURE, [*bending_faults(ladder), *gear_words(gears)]),
         *findings(LAST, missed_touches(calibration)),
         *findings(WARNING, [*bending_warnings(ladder, calibration.at), *doubts]),
         *findings(NOTE, said),

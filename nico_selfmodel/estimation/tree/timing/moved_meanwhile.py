@@ -78,28 +78,41 @@ def moved_meanwhile(problem: TreeProblem, solution: TreeSolution) -> Change | No
     often = solution.slipped.mean(axis=0) > MOST_SLIPS
     if change is not None and change.explains and not often.any():
         return change
-    jump = _jumped(problem, solution, often)
+    jump = _jumped(problem, solution)
     if change is None or (jump and (not change.explains or jump.ratio > change.ratio)):
         change = jump
     return None if change is None or change.ratio < LEAST_RATIO else change
 
 
-def _jumped(problem: TreeProblem, solution: TreeSolution, often: NDArray) -> Change | None:
-    """Find a jump of an encoder that is read worse than others, or wrongly in most poses.
+def doubted_joints(
+    problem: TreeProblem, solution: TreeSolution
+) -> Iterator[tuple[int, NDArray, NDArray]]:
+    """Yield joints that are read worse than others, or wrongly in most poses, and their errors.
 
-    What the poses show of its joint, whatever it was read to, is asked for a jump.
+    What the poses show of such a joint, whatever it was read to, are its errors.
+
+    Returns:
+        Which of `TreeObservations.noisy_joints`, samples that show it in the order of time, shape
+        (N,), and its errors there.
     """
-    seen, data = problem.observations, problem.observations.data
-    order, of_all = np.argsort(data.sample), solution.joint_errors
+    seen, of_all = problem.observations, solution.joint_errors
+    often = solution.slipped.mean(axis=0) > MOST_SLIPS
     if of_all is None:
-        return None
+        return
     if often.any():
         of_all = np.where(often, _shown(problem, solution), of_all)
+    order = np.argsort(seen.data.sample)
     for k in sorted({*solution.noise.loud, *np.flatnonzero(often & ~seen.unread).tolist()}):
-        i = seen.noisy_joints[k][0]
-        joint, readings = data.joints[i], data.si_readings[:, i]
         at = order[of_all[order, k] != 0.0]
-        errors = of_all[at, k]
+        yield k, at, of_all[at, k]
+
+
+def _jumped(problem: TreeProblem, solution: TreeSolution) -> Change | None:
+    """Find a jump of an encoder that is read worse than others, or wrongly in most poses."""
+    data = problem.observations.data
+    for k, at, errors in doubted_joints(problem, solution):
+        joint = data.joints[problem.observations.noisy_joints[k][0]]
+        readings = data.si_readings[:, data.joints.index(joint)]
         jump = jump_taken_for_noise(errors, readings[at], data.sample[at])
         if jump is None:
             continue
