@@ -28,8 +28,6 @@ WIDTH = 6
 """Columns of `Observations.values`."""
 ANY_POSE = -1
 """Pose of an observation that is the same in all: the distance of two markers of one link."""
-
-
 COLUMNS = ("pose", "sensor", "marker", "other", "values", "mirror")
 """Arrays of an `ObservationTable`, in its order."""
 
@@ -112,8 +110,8 @@ class BodyDataset:
         check_free_joints(self.joints, self.markers, self.sensors)
         object.__setattr__(self, "sample", read_only(self.sample, np.int64))
         object.__setattr__(self, "readings", read_only(self.readings, float))
-        nothing = np.broadcast_to(np.nan, (count, n, 6))
-        flanges = nothing if self.flanges is None else read_only(self.flanges, float)
+        flanges = np.broadcast_to(np.nan, (count, n, 6))
+        flanges = flanges if self.flanges is None else read_only(self.flanges, float)
         object.__setattr__(self, "flanges", flanges)
         if self.readings.shape != (count, n) or np.shape(flanges) != (count, n, 6):
             raise ValueError(f"readings must have shape ({count}, {n}), got {self.readings.shape}")
