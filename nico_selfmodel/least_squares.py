@@ -4,9 +4,8 @@ It knows only a function that returns cost, gradient and Gauss-Newton matrix, so
 losses, block structure and constrained steps can be supplied by those who need them.
 """
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,12 @@ NormalEquations = tuple[float, NDArray, NDArray]
 
 Step = Callable[[NDArray, NDArray, NDArray], NDArray | None]
 """Maps Gauss-Newton matrix, gradient and damping to a step; None asks for more damping."""
+
+_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-13, 1e16
+"""Where damping begins, its least, and above which no step downhill is left that floating point can
+see; all as parts of the largest diagonal."""
+_NOTHING_LEFT = 1e-30
+"""A cost below which there is nothing to explain."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,60 +109,12 @@ def levenberg_marquardt(
     Raises:
         ImpossibleModelError: If the start itself cannot be.
     """
-    x = np.asarray(start, dtype=float)
-    way = _descent(x, evaluate(x), max_iterations, tolerance, step or damped_step, least)
-    x = next(way)
-    while isinstance(x, np.ndarray):
-        x = way.send(_tried(evaluate, x))
-    return x
-
-
-def levenberg_marquardt_each(
-    evaluate: Callable[[NDArray, NDArray], tuple[NDArray, NDArray, NDArray]],
-    starts: NDArray,
-    *,
-    max_iterations: int = 100,
-    tolerance: float = 1e-9,
-) -> list[LevenbergMarquardtResult]:
-    """Minimise from each of many starts at once, each on its own way: `levenberg_marquardt`.
-
-    Args:
-        evaluate: Maps numbers of starts (k,) and their points (k, p) to costs (k,), gradients
-            (k, p) and Gauss-Newton matrices (k, p, p).
-        starts: First points. Shape (S, p).
-        max_iterations: Limit on evaluated steps of each.
-        tolerance: Stop when a step is predicted to lower the cost by less than this fraction.
-
-    Returns:
-        The best point of each.
-    """
-    x = np.asarray(starts, dtype=float)
-    first = zip(*evaluate(np.arange(len(x)), x), strict=True)
-    limits = (max_iterations, tolerance, damped_step)
-    ways = [_descent(x[k], found, *limits) for k, found in enumerate(first)]
-    at: list[Any] = [next(way) for way in ways]
-    while going := [k for k, point in enumerate(at) if isinstance(point, np.ndarray)]:
-        there = evaluate(np.array(going), np.stack([at[k] for k in going]))
-        for k, *found in zip(going, *there, strict=True):
-            at[k] = ways[k].send(tuple(found) if np.isfinite(found[0]) else None)
-    return at
-
-
-def _descent(
-    x: NDArray,
-    found: NormalEquations,
-    max_iterations: int,
-    tolerance: float,
-    step: Step,
-    least: NDArray | None = None,
-) -> Generator[NDArray | LevenbergMarquardtResult, NormalEquations | None, None]:
-    """Yield points to try, each to be answered by its normal equations or None, then the result."""
-    cost, gradient, hessian = found
+    x, step = np.asarray(start, dtype=float), step or damped_step
+    cost, gradient, hessian = evaluate(x)
     if not np.isfinite(cost):
-        yield LevenbergMarquardtResult(x, cost, 0, False, (cost,))
-        return
+        return LevenbergMarquardtResult(x, cost, 0, False, (cost,))
     scale = np.diag(hessian).copy()
-    history, damping, growth = [cost], 1e-4, 2.0
+    history, damping, growth = [cost], _DAMPING, 2.0
     iteration, converged = 0, False
     while iteration < max_iterations and not converged:
         iteration += 1
@@ -170,19 +127,95 @@ def _descent(
             damping, growth = damping * growth, 2.0 * growth
             continue
         predicted = -(gradient @ dx) - 0.5 * dx @ hessian @ dx
-        if predicted <= tolerance * cost or cost < 1e-30:
+        if predicted <= tolerance * cost or cost < _NOTHING_LEFT:
             converged = True
             continue
-        new = yield x + dx
+        new = _tried(evaluate, x + dx)
         if new is not None and new[0] < cost:
             gain = (cost - new[0]) / predicted
-            damping = max(damping * max(0.01, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-13)
+            damping = max(damping * max(0.01, 1.0 - (2.0 * gain - 1.0) ** 3), _LEAST_DAMPING)
             growth = 2.0
             x, (cost, gradient, hessian) = x + dx, new
             scale = np.maximum(scale, np.diag(hessian))
             history.append(cost)
         else:
             damping, growth = damping * growth, 2.0 * growth
-            # No step downhill is left that floating point can see.
-            converged = bool(damping > 1e16)
-    yield LevenbergMarquardtResult(x, cost, iteration, converged, tuple(history))
+            converged = bool(damping > _MOST_DAMPING)
+    return LevenbergMarquardtResult(x, cost, iteration, converged, tuple(history))
+
+
+def levenberg_marquardt_each(
+    evaluate: Callable[[NDArray, NDArray], tuple[NDArray, NDArray, NDArray]],
+    starts: NDArray,
+    *,
+    max_iterations: int = 100,
+    tolerance: float = 1e-9,
+) -> tuple[NDArray, NDArray]:
+    """Minimise from each of many starts at once, each on its own way: `levenberg_marquardt`.
+
+    Args:
+        evaluate: Maps numbers of starts (k,) and their points (k, p) to costs (k,), gradients
+            (k, p) and Gauss-Newton matrices (k, p, p).
+        starts: First points. Shape (S, p).
+        max_iterations: Limit on evaluated steps of each.
+        tolerance: Stop when a step is predicted to lower the cost by less than this fraction.
+
+    Returns:
+        The best point of each, shape (S, p), and its cost, shape (S,).
+    """
+    x, every = np.array(starts, dtype=float), np.arange(len(starts))
+    cost, gradient, hessian = map(np.array, evaluate(every, x))
+    scale = np.diagonal(hessian, axis1=1, axis2=2).copy()
+    damping, growth = np.full(len(x), _DAMPING), np.full(len(x), 2.0)
+    going = every[np.isfinite(cost)]
+    for _ in range(max_iterations):
+        if not len(going):
+            break
+        floor = np.where(scale[going] > 0.0, scale[going], 1.0)
+        dx, predicted, able = _damped_steps(
+            hessian[going], gradient[going], damping[going, None] * floor
+        )
+        on = (predicted > tolerance * cost[going]) & (cost[going] >= _NOTHING_LEFT)
+        asked = able & on
+        tried, there, falls = going[asked], x[going[asked]] + dx[asked], np.zeros(0, dtype=bool)
+        if len(tried):
+            new, *slopes = evaluate(tried, there)
+            falls = new < cost[tried]
+            k = tried[falls]
+            gain = (cost[k] - new[falls]) / predicted[asked][falls]
+            less = damping[k] * np.maximum(0.01, 1.0 - (2.0 * gain - 1.0) ** 3)
+            damping[k], growth[k] = np.maximum(less, _LEAST_DAMPING), 2.0
+            x[k], cost[k], gradient[k], hessian[k] = (part[falls] for part in (there, new, *slopes))
+            scale[k] = np.maximum(scale[k], np.diagonal(hessian[k], axis1=1, axis2=2))
+        worse = np.concatenate([going[~able], tried[~falls]])
+        damping[worse] *= growth[worse]
+        growth[worse] *= 2.0
+        going = going[(on | ~able) & (damping[going] <= _MOST_DAMPING)]
+    return x, cost
+
+
+def _damped_steps(
+    hessian: NDArray, gradient: NDArray, damping: NDArray
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Return `damped_step` of many, by how much each lowers the cost, and which there are.
+
+    Shapes (k, p, p), (k, p) and (k, p) -> (k, p), (k,) and (k,).
+    """
+    damped = hessian.copy()
+    np.einsum("kii->ki", damped)[...] += damping
+    able = _positive(damped)
+    damped[~able] = np.eye(damped.shape[1])
+    dx = -np.linalg.solve(damped, gradient[..., None])[..., 0]
+    bent = np.sum(dx * (hessian @ dx[..., None])[..., 0], axis=1)
+    return dx, -np.sum(gradient * dx, axis=1) - 0.5 * bent, able
+
+
+def _positive(matrices: NDArray) -> NDArray:
+    """Return which are positive definite. Shape (k, p, p) -> (k,)."""
+    try:
+        np.linalg.cholesky(matrices)
+    except np.linalg.LinAlgError:
+        alone = len(matrices) == 1
+        parts = [np.zeros(1, dtype=bool)] if alone else [_positive(one[None]) for one in matrices]
+        return np.concatenate(parts)
+    return np.ones(len(matrices), dtype=bool)

@@ -163,6 +163,7 @@ def test_data_in_the_box_are_the_originals_imported(
         assert (kept / name).read_bytes() == (tmp_path / "data" / name).read_bytes()
 
 
+@pytest.mark.slow
 def test_real_measurements_are_learned(project_root, tmp_path, command):
     data = project_root / "examples" / "data" / "positioner_two_axis"
     done = command("calibrate", "kinematics", data, "--out", tmp_path / "result", "--json")

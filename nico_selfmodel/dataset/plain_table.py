@@ -43,14 +43,21 @@ def plain_numbers(cells: Sequence[str]) -> NDArray | None:
     Returns:
         Shape (N,), what `parse_number` makes of each; None where one of them needs a second look.
     """
-    try:
-        filled = cells if all(cells) else [cell or "nan" for cell in cells]
-        values = np.array(filled, dtype=np.float64)
-    except ValueError:
-        return None
-    if any(cells[row] for row in np.flatnonzero(~(np.abs(values) <= LARGEST)).tolist()):
+    values = _floats(cells)
+    if values is None and not all(cells):
+        values = _floats([cell or "nan" for cell in cells])
+    if values is None or any(
+        cells[row] for row in np.flatnonzero(~(np.abs(values) <= LARGEST)).tolist()
+    ):
         return None
     return None if "_" in "".join(cells) else values
+
+
+def _floats(cells: Sequence[str]) -> NDArray | None:
+    try:
+        return np.array(cells, dtype=np.float64)
+    except ValueError:
+        return None
 
 
 def plain_integers(cells: Sequence[str]) -> NDArray | None:

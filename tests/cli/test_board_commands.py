@@ -48,6 +48,7 @@ def photographs(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_a_camera_is_learned_from_boards_seen_in_part(photographs, tmp_path, command):
     out = tmp_path / "camera"
     words = (*BOARD, "--out", out, "--no-report")

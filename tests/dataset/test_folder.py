@@ -103,6 +103,7 @@ def datasets(draw):
     )
 
 
+@pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.too_slow])
 @given(dataset=datasets())
 def test_any_data_set_survives_the_round_trip(dataset, tmp_path_factory):

@@ -105,6 +105,7 @@ def test_error_bars_count_what_a_controllers_poses_share():
     assert 0.6 < np.mean(scores) < 2.2
 
 
+@pytest.mark.slow
 def test_errors_that_are_alike_are_told():
     found, _ = squares(3, 60, turn=np.radians(0.4), place=2e-3)
     said = result_of(found).details["alike_errors"]["tcp"]

@@ -10,11 +10,13 @@ from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import load_dataset, save_dataset
 from nico_selfmodel.estimation.arm.evaluation import evaluate
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.diagnosis.fault_hypotheses import neighbours_explain
 from nico_selfmodel.estimation.diagnosis.mistaken_units import mistaken_units
 from nico_selfmodel.estimation.diagnosis.nominal_check import robot_reason
 from nico_selfmodel.estimation.diagnosis.suspected_readings import unwrapped_readings
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.model_verdict import judge_evaluation
+from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import (
     chance_of_more,
@@ -187,6 +189,18 @@ def test_drives_that_move_two_joints_are_named(train, read, words):
     encoders = train.encoders.copy()
     encoders[:, 1:] = np.stack(read(*train.encoders.T[1:]), axis=1)
     assert failing(replace(train, encoders=encoders), starts=1).startswith(words)
+
+
+@pytest.mark.parametrize(("share", "explain"), [(0.07, False), (0.12, True)])
+def test_sums_of_readings_are_asked_where_neighbours_explain_a_tenth(truth, share, explain):
+    q = truth.poses(600, 1)
+    coupled = q + 1e-4 * q[:, [1]] * [1.0, 0.0, 0.0]
+    seen = Observations.from_dataset(truth.dataset(q))
+    off = truth.chain.forward(coupled, seen.marker) - seen.p_WH
+    noise = np.random.default_rng(0).normal(size=off.shape)
+    noise *= np.linalg.norm(off) / np.linalg.norm(noise) * np.sqrt(1.0 / share - 1.0)
+    arm = ArmEstimate(truth.chain, truth.servos.gear, truth.servos.offset)
+    assert neighbours_explain(replace(seen, p_WH=seen.p_WH + off + noise), arm) is explain
 
 
 @pytest.mark.slow

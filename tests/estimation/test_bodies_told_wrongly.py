@@ -17,7 +17,6 @@ from nico_selfmodel.estimation.tree.tree_findings import tree_findings
 from nico_selfmodel.estimation.tree.tree_result import body_model
 from nico_selfmodel.estimation.tree.tree_setup import Description, Wishes
 
-from ..slow_rest import slow_rest
 from .simulated_trees import one_arm
 
 
@@ -49,7 +48,8 @@ def refusal(data, **told):
     return str(raised.value)
 
 
-@pytest.mark.parametrize("kind", slow_rest(["fix", "prior"]))
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["fix", "prior"])
 def test_a_told_value_that_contradicts_the_data_is_named_with_what_they_ask_for(arm, places, kind):
     place = places["hand_tag0.x"]
     pins = FixedParameters({"hand_tag0.x": place + 0.3, "hand_tag1.x": places["hand_tag1.x"]})
@@ -63,7 +63,8 @@ def test_a_told_value_that_contradicts_the_data_is_named_with_what_they_ask_for(
     assert wanted == pytest.approx(place, abs=2e-3)
 
 
-@pytest.mark.parametrize("off", slow_rest([2e-4, 0.0]))
+@pytest.mark.slow
+@pytest.mark.parametrize("off", [2e-4, 0.0])
 def test_a_told_value_that_agrees_is_kept(arm, place, off):
     wishes = Wishes(FixedParameters({"hand_tag0.x": place + off}))
     found = calibrate_tree(arm, wishes=wishes, effects=())
@@ -143,6 +144,7 @@ def test_a_recording_in_which_nothing_agrees_with_the_body_is_refused(arm):
         rezero_body(body, replace(few, observations=replace(table, values=values)))
 
 
+@pytest.mark.slow
 def test_a_recording_of_touches_alone_is_not_watched_and_says_so(arm):
     body = body_model(calibrate_tree(arm, effects=()))
     count = len(arm.sample)

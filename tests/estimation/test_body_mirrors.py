@@ -148,6 +148,7 @@ def test_errors_of_the_body_count_and_move_the_plane_as_their_covariance_says(lo
         assert step == pytest.approx(expected, abs=0.2 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_a_body_keeps_its_mirrors_in_its_file(looked, tmp_path):
     seen, body = looked
     near = seen.data.of_rows(np.isin(seen.data.observations.mirror, ["", "near"]))

@@ -138,6 +138,7 @@ def test_wrong_points_do_not_move_the_circles(make_truth):
         assert np.array_equal(fit.inliers, ~wrong[fit.rows])
 
 
+@pytest.mark.slow
 def test_known_gears_place_the_centres_of_short_arcs(make_truth):
     truth = make_truth(4, 7)
     d, c = truth.chain.directions[0], truth.chain.points[0]

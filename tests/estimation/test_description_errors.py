@@ -50,6 +50,7 @@ def test_the_data_tell_how_far_parts_are_off():
     assert found.std(axis=0) / found.mean(axis=0) == pytest.approx([0.14, 0.14], abs=0.05)
 
 
+@pytest.mark.slow
 def test_what_noise_hides_is_no_error_of_the_description():
     found = np.array([asked(seed, 0.002, 0.002, noise=0.02) for seed in range(40)])
     assert np.median(found, axis=0) == pytest.approx([0.002, 0.002], rel=0.5)

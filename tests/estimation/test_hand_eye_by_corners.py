@@ -90,6 +90,7 @@ def test_a_camera_on_a_flange_is_placed_by_the_corners_it_sees():
     assert score < 4.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("factor", "status"), [(1.0, "NOT_EVALUATED"), (1.02, "FAIL")])
 def test_a_target_in_the_room_that_is_told_too_large_fails_by_its_factor(factor, status):
     _, data = recorded(np.random.default_rng(200))

@@ -201,6 +201,7 @@ def sound():
     return calibrate_tree(recorded(12, smooth=False), effects=())
 
 
+@pytest.mark.slow
 def test_a_recording_of_few_poses_is_not_asked(sound):
     problem, solution = sound.ladder.solution.problem, sound.ladder.solution.solution
     unknown = SimpleNamespace(variances_known=False)

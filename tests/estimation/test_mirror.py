@@ -254,6 +254,7 @@ def test_one_pose_is_enough_and_says_how_little_it_is():
     assert found.mirrors["glass"].normal_sigma > np.radians(0.03)
 
 
+@pytest.mark.slow
 def test_poses_at_one_point_are_said_to_be_so():
     q = np.repeat(poses(1, 7), 12, axis=0) + 1e-4 * np.random.default_rng(0).normal(size=(12, 4))
     found = calibrate_mirrors(recording(q), body())

@@ -65,20 +65,16 @@ def recorded(what, seed=3, sensor="points"):
     return replace(made.data, observations=ObservationTable(**both))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("what", "sensor", "said", "size"),
     [
         ("marker", "points", r"'hand_tag0' slipped on its link by about (\S+) mm", 4.0),
-        *slow_rest(
-            [
-                ("encoder", "points", r"the encoder of 'j3' jumped by about (\S+) deg", 1.0),
-                ("plate", "points", r"carries markers on 'j5' moved by about (\S+) mm", 3.1),
-                ("plate", "camera", r"markers on 'j5' moved by about \S+ mm and (\S+) deg", 0.5),
-                ("tracker", "points", r"sensor 'tracker' moved by about (\S+) mm", 3.0),
-                ("camera", "camera", r"sensor 'left' moved by about \S+ mm and (\S+) deg", 0.5),
-            ],
-            plain=0,
-        ),
+        ("encoder", "points", r"the encoder of 'j3' jumped by about (\S+) deg", 1.0),
+        ("plate", "points", r"carries markers on 'j5' moved by about (\S+) mm", 3.1),
+        ("plate", "camera", r"markers on 'j5' moved by about \S+ mm and (\S+) deg", 0.5),
+        ("tracker", "points", r"sensor 'tracker' moved by about (\S+) mm", 3.0),
+        ("camera", "camera", r"sensor 'left' moved by about \S+ mm and (\S+) deg", 0.5),
     ],
 )
 def test_what_moves_is_named_with_when_and_how_far(what, sensor, said, size):

@@ -57,6 +57,7 @@ def test_the_error_they_promise_is_the_one_the_covariance_gives_afterwards(learn
     assert chosen.sigma_after / learned.noise_sigma == pytest.approx(unit, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_error_now_is_what_the_model_says_of_itself(learned, recorded):
     chosen = choose_next_poses(learned, recorded, 2, np.random.default_rng(1))
     sigma = learned.predict(recorded.encoders).sigma
@@ -64,6 +65,7 @@ def test_the_error_now_is_what_the_model_says_of_itself(learned, recorded):
     assert chosen.sigma_after < chosen.sigma_before
 
 
+@pytest.mark.slow
 def test_poses_whose_joints_are_read_worse_promise_less(learned, recorded):
     noise = learned.fit["pose_noise"]
     louder = noise | {"joint_sigma_rad": [3.0 * sigma for sigma in noise["joint_sigma_rad"]]}
@@ -76,6 +78,7 @@ def test_poses_whose_joints_are_read_worse_promise_less(learned, recorded):
     assert two.sigma_after > 1.1 * one.sigma_after
 
 
+@pytest.mark.slow
 def test_a_model_without_error_bars_is_refused(learned, recorded):
     with pytest.raises(ModelError, match="does not say how well it is known"):
         choose_next_poses(replace(learned, covariance=None), recorded, 5, np.random.default_rng(4))
@@ -103,6 +106,7 @@ def test_data_of_another_arm_or_point_are_refused(learned, recorded):
         choose_next_poses(learned, left, 5, rng)
 
 
+@pytest.mark.slow
 def test_data_in_other_units_are_refused(learned, recorded):
     first = replace(recorded.joints[0], encoder_unit="deg", counts_per_turn=None)
     other = replace(recorded, joints=(first, *recorded.joints[1:]))

@@ -370,6 +370,7 @@ def test_a_flange_that_hardly_turned_is_refused(poses):
         calibrate_tree(flange_dataset(F, M))
 
 
+@pytest.mark.slow
 def test_cameras_that_contradict_each_other_are_named_first():
     sim = two_arms(0, distances=KNOWN, poses=40)
     table = sim.data.observations

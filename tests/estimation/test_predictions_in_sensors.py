@@ -55,6 +55,7 @@ def test_places_in_the_tracker_are_as_exact_as_it_is(bodies):
     assert np.linalg.norm(alone.p_FM - true, axis=2).min() > 1e-3
 
 
+@pytest.mark.slow
 def test_sigmas_in_the_frame_of_a_sensor_cover_what_is_off(bodies):
     ratios = []
     for (body, made), seed in zip(bodies, SEEDS, strict=True):

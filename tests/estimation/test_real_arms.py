@@ -8,8 +8,6 @@ from nico_selfmodel.dataset.folder import load_dataset
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.judging import judge
 
-from ..slow_rest import slow_rest
-
 
 @pytest.fixture(scope="module")
 def positioner(project_root):
@@ -40,7 +38,8 @@ def test_the_positioners_axes_are_square_by_its_circles_alone(positioner):
     assert np.median(radial) < 0.43
 
 
-@pytest.mark.parametrize("loss", slow_rest(["trimmed", "none", "cauchy"]))
+@pytest.mark.slow
+@pytest.mark.parametrize("loss", ["trimmed", "none", "cauchy"])
 def test_the_positioner_is_refined_to_its_noise(positioner, loss):
     result = calibrate_kinematics(positioner, loss=loss)
     assert rms_mm(result.train) <= 0.405

@@ -168,6 +168,7 @@ def test_a_wrong_size_is_as_sure_however_far_off_a_description_is_said_to_be():
     assert sure > 20.0
 
 
+@pytest.mark.slow
 def test_lengths_that_rest_on_a_stated_size_alone_are_said_to():
     data, _ = tag_before_a_camera(1, 1.03)
     noted = tree_result(calibrate_tree(data, effects=())).texts(NOTE)

@@ -36,6 +36,7 @@ def standard_scores(rig, found, lens="polynomial"):
     return np.array([(learned[n] - truth[n]) / s for n, s in zip(found.names, sigma, strict=True)])
 
 
+@pytest.mark.slow
 def test_four_cameras_are_found_without_noise():
     rig, views = scene(1, sigma=0.0)
     found = calibrate_cameras(views)

@@ -105,6 +105,7 @@ def test_slips_that_were_taken_for_noise_are_still_found():
     assert np.median([part for part in parts if part is not None]) == pytest.approx(0.67, abs=0.1)
 
 
+@pytest.mark.slow
 def test_without_slips_no_joint_slips_often():
     for seed in range(60):
         found, part, _ = seen(seed)

@@ -137,6 +137,7 @@ def test_what_two_pictures_show_and_the_others_do_not_is_not_on_the_surface(two)
     assert not any(a.any() for a in together(views(strengths, np.random.default_rng(3))))
 
 
+@pytest.mark.slow
 def test_what_two_of_three_pictures_show_is_found_if_the_third_does_too():
     rng = np.random.default_rng(2)
     assert not any(a.any() for a in together(views([500.0, None, 500.0, 0.0], rng)))

@@ -127,6 +127,7 @@ def test_pictures_in_which_no_mirror_is_are_refused_in_one_line(tmp_path, comman
     assert not (tmp_path / "looked").exists()
 
 
+@pytest.mark.slow
 def test_a_recording_that_cannot_be_looked_at_says_why(tmp_path):
     folder = kept(tmp_path / "own", poses(), empty())
     data = load_dataset(folder)
@@ -155,6 +156,7 @@ def test_pictures_of_other_cameras_are_refused(tmp_path):
         own_shots(true_model(), poses(), folder, 3)
 
 
+@pytest.mark.slow
 def test_as_many_poses_of_a_mirror_are_taken_as_asked_for(tmp_path):
     folder = kept(tmp_path / "own", poses(), empty())
     samples, shots = own_shots(true_model(), poses(), folder, 1)

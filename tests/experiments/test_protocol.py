@@ -13,8 +13,6 @@ from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
-from ..slow_rest import slow_rest
-
 ARM = ArmDescription.named("nico")
 ARMS = ("right_arm", "left_arm", "neck")
 
@@ -111,7 +109,8 @@ def test_a_session_without_sweeps_has_random_poses_alone():
     assert set(data.sweep.tolist()) == {""}
 
 
-@pytest.mark.parametrize("name", slow_rest(reversed(ARMS)))
+@pytest.mark.slow
+@pytest.mark.parametrize("name", reversed(ARMS))
 def test_a_clean_arm_is_learned_to_the_resolution_of_its_encoders(name):
     arm = ArmDescription.named("nico", name)
     protocol = replace(SweepProtocol.for_arm(arm), random_poses=40)

@@ -34,6 +34,7 @@ def test_points_on_a_capsule_give_that_capsule(seed):
     assert np.abs(found.distance(points)).max() < 4e-3
 
 
+@pytest.mark.slow
 @given(arrays(float, st.tuples(st.integers(1, 40), st.just(3)), elements=st.floats(-1.0, 1.0)))
 def test_no_point_is_outside_of_its_capsule(points):
     assert fit_capsule(points).distance(points).max() < 1e-9

@@ -26,6 +26,7 @@ def meshes(draw):
     return columns, draw(arrays("i8", shape, elements=st.integers(0, size - 1)))
 
 
+@pytest.mark.slow
 @given(meshes())
 def test_every_mesh_survives_the_round_trip_to_the_last_bit(mesh):
     columns, triangles = mesh

@@ -33,6 +33,7 @@ def link_shapes(draw, link):
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=35)  # of three shapes each
 @given(st.data())
 def test_every_shape_survives_the_round_trip_to_the_last_bit(tmp_path_factory, data):

@@ -249,7 +249,8 @@ def test_a_joint_whose_host_is_slow_is_not_blamed(virtual):
     assert virtual.port.time - begin > seconds + 1.0
 
 
-@pytest.mark.parametrize("counts", slow_rest([1, 5, 30, 160]))
+@pytest.mark.slow
+@pytest.mark.parametrize("counts", [1, 5, 30, 160])
 def test_a_move_too_short_for_friction_to_let_through_is_not_a_fault(counts):
     made = virtual_arm(baud=115200)
     with_mechanics(made, friction=0.29 * DEGREE)

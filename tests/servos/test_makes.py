@@ -381,6 +381,7 @@ def test_an_offset_that_is_not_the_configurations_makes_the_zero_unknown(servos)
     assert again.arm.connect() == ("right_elbow",)
 
 
+@pytest.mark.slow
 def test_a_dynamixel_stops_by_itself_when_it_hears_nothing_and_takes_goals_again():
     made = virtual_arm(make="dynamixel", heartbeat=0.2)
     made.arm.connect()

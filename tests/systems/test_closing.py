@@ -17,8 +17,6 @@ from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
 
-from ..slow_rest import slow_rest
-
 ROUGH = ImageQuality(1)
 IN_ALL = 50.0
 """What fifty stations may leave behind [MB]."""
@@ -62,7 +60,8 @@ def outputs(system):
     return [system.get_output_port(k) for k in range(system.num_output_ports())]
 
 
-@pytest.mark.parametrize("plate", slow_rest([None, MirrorPlate()]))
+@pytest.mark.slow
+@pytest.mark.parametrize("plate", [None, MirrorPlate()])
 def test_a_station_that_was_closed_refuses_every_port(plate):
     with NicoStation("thesis", 3, quality=ROUGH, mirror=plate) as station:
         context = station.CreateDefaultContext()

@@ -84,6 +84,7 @@ def test_stains_cover_the_glass_and_nothing_else():
     assert 0.05 < changed[v.min() : v.max(), u.min() : u.max()].mean() < 0.9
 
 
+@pytest.mark.slow
 def test_stains_stay_where_they_are_on_the_glass_when_it_is_moved():
     world, clean = MirrorWorld(RIG, SHARP, plate=MirrorPlate(dirt=0.5)), MirrorWorld(RIG, SHARP)
     spots = np.random.default_rng(0).uniform([-0.1, -0.08], [0.1, 0.08], (300, 2))

@@ -16,7 +16,6 @@ from nico_selfmodel.systems.simulated.robot import SimulatedRobot
 from nico_selfmodel.systems.simulated.sensors import StereoPixels
 from nico_selfmodel.systems.tracking.gaze_controller import GazeController
 
-from ..slow_rest import slow_rest
 from ..true_nico import known_exactly
 
 HAND = "right_hand_fiducial"
@@ -41,7 +40,8 @@ def before_the_face(nico, rng):
     return nico.mechanics.servos.to_encoder(q)
 
 
-@pytest.mark.parametrize("seed", slow_rest([0, 1, 2, 3]))
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
 def test_a_hand_that_is_not_where_it_is_expected_comes_to_the_middle(seed):
     robot, model, nico = robot_and_model(seed)
     solver, rng = GazeSolver(model), np.random.default_rng(seed)

@@ -100,6 +100,7 @@ def of_the_thesis(names):
     return ServoConfig("arm", tuple(joints), baud=115200)
 
 
+@pytest.mark.slow
 def test_the_real_station_has_exactly_the_ports_of_the_simulated_one():
     arm = looking_arm()
     servos = ServoDriver("nowhere", of_the_thesis((*arm.joints, "right_wrist")))
@@ -240,6 +241,7 @@ def test_a_body_with_real_cameras_keeps_pixels_and_pictures(robot, cameras, pose
     assert np.array_equal(seen.images[0], pose[0][0])
 
 
+@pytest.mark.slow
 def test_an_individual_keeps_its_zero_and_its_stops_through_the_configuration(robot, tmp_path):
     _, config, _ = robot
     save_servo_config(config, tmp_path / "servos.yaml")

@@ -153,6 +153,7 @@ def test_a_board_that_is_held_up_is_in_the_pictures_until_it_is_put_away(station
     assert np.array_equal(before, after)
 
 
+@pytest.mark.slow
 def test_a_users_own_diagram_predicts_and_logs_and_leaves_no_thread(station):
     threads = threading.active_count()
     builder = DiagramBuilder()

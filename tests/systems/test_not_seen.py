@@ -124,6 +124,7 @@ def visit(nico, q):
     return body.move_and_measure(commands_of_angles(station.joints, arm.lower, arm.upper, [q])[0])
 
 
+@pytest.mark.slow
 def test_nico_sees_its_hand_before_its_cameras(nico):
     observation = visit(nico, LOOKING_POSE)
     for marker in ("fiducial", "finger_tip"):
@@ -131,6 +132,7 @@ def test_nico_sees_its_hand_before_its_cameras(nico):
     assert observation.points == {"fiducial": None, "finger_tip": None}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "q_deg",
     [

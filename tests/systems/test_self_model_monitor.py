@@ -56,6 +56,7 @@ def watch(monitor, data, column="pixels"):
     return outputs, context
 
 
+@pytest.mark.slow
 def test_it_says_what_the_check_of_a_recording_says(case):
     model, data = case[2], replace(poses(case, 20), pixel_sigma_px=None)
     outputs, _ = watch(SelfModelMonitor(model, PERIOD), data)
@@ -67,6 +68,7 @@ def test_it_says_what_the_check_of_a_recording_says(case):
     assert set(cause) == {""}
 
 
+@pytest.mark.slow
 def test_a_slip_raises_the_alarm_and_its_cause_becomes_clear(case):
     model = case[2]
     outputs, _ = watch(SelfModelMonitor(model, PERIOD), poses(case, 14, np.radians(3.0)))
@@ -110,6 +112,7 @@ def test_backlash_is_seen_by_the_side_from_which_joints_come():
     assert turned.nis[1:].mean() > 10.0 * nis[1:].mean()
 
 
+@pytest.mark.slow
 def test_contexts_remember_for_themselves(case):
     monitor = SelfModelMonitor(case[2], PERIOD)
     watch(monitor, poses(case, 6, np.radians(5.0)))
@@ -118,6 +121,7 @@ def test_contexts_remember_for_themselves(case):
     assert monitor.state_of(context).monitor.poses == 6
 
 
+@pytest.mark.slow
 def test_a_hand_that_is_not_seen_is_no_detection(case):
     data = poses(case, 6)
     pixels = data.pixels.copy()
@@ -148,6 +152,7 @@ def test_a_model_without_cameras_watches_points(case):
     assert outputs[-1][2] == 1.0
 
 
+@pytest.mark.slow
 def test_it_stands_in_a_diagram(case):
     builder = DiagramBuilder()
     monitor = builder.AddSystem(SelfModelMonitor(case[2], PERIOD))
@@ -164,6 +169,7 @@ def test_it_stands_in_a_diagram(case):
     assert state.monitor.poses == 4
 
 
+@pytest.mark.slow
 def test_what_it_cannot_watch_is_refused(case):
     model = case[2]
     with pytest.raises(ModelError, match="does not say how well"):

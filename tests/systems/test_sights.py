@@ -13,7 +13,6 @@ from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality, Stereo
 from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
 
-from ..slow_rest import slow_rest
 from .test_stereo_cameras import SMALL
 
 POSES = np.radians([[-30.0, 50.0, 0.0, -70.0], [-20.0, 30.0, 10.0, -60.0]])
@@ -54,6 +53,7 @@ def test_about_the_marks_both_pictures_are_the_same_to_the_last_bit(pose):
             assert np.array_equal(whole[near], sight[near])
 
 
+@pytest.mark.slow
 def test_the_rest_is_plain_and_of_the_rooms_colour():
     for whole, sight, _, _ in looked(0):
         differs = (whole != sight).any(axis=2)
@@ -62,7 +62,8 @@ def test_the_rest_is_plain_and_of_the_rooms_colour():
         assert np.abs(plain - whole[:40, :40].reshape(-1, 3).mean(axis=0)).max() < 0.3
 
 
-@pytest.mark.parametrize("pose", slow_rest([0, 1]))
+@pytest.mark.slow
+@pytest.mark.parametrize("pose", [0, 1])
 def test_marks_are_found_where_the_whole_picture_shows_them(pose):
     for whole, _, pixels, finders in looked(pose):
         for point, find in finders.items():

@@ -95,12 +95,14 @@ def assert_true(kind, seeds, photograph):
     assert np.sqrt(np.mean(errors**2)) <= 0.1
 
 
-@pytest.mark.parametrize("kind", slow_rest(["charuco", "april", "circles", "asymmetric"]))
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["charuco", "april", "circles", "asymmetric"])
 def test_points_are_where_they_are(kind, photograph):
     assert_true(kind, range(2), photograph)
 
 
-@pytest.mark.parametrize("seeds", slow_rest([range(1031, 1032), range(1000, 1040)]))
+@pytest.mark.slow
+@pytest.mark.parametrize("seeds", [range(1031, 1032), range(1000, 1040)])
 def test_tags_with_borders_of_one_cell_are_found_as_those_of_two(seeds, prints):
     """In the first picture something else looks like a tag with a border of two."""
     errors, found = [], 0
@@ -205,9 +207,8 @@ def test_tags_that_the_board_does_not_have_are_named(photograph):
     assert other.reason.startswith("no aruco_4x4_100 tag")
 
 
-@pytest.mark.parametrize(
-    ("stated", "further"), slow_rest([("6x5", True), ("6x3", True), ("6x6", False)], plain=1)
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("stated", "further"), [("6x5", True), ("6x3", True), ("6x6", False)])
 def test_a_board_of_fewer_rows_than_are_seen_is_another_one(stated, further, photograph):
     image = photograph("april", 4, 0.0).image
     found = board_of(f"aprilgrid:{stated}", 57.2, 44).find(image, 11)

@@ -132,6 +132,7 @@ def folder(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_photographs_tell_of_parts(folder):
     found = detect_boards(folder, BOARD)
     assert found.views.loose.tolist() == [[False, True], [True, False], [False, False]]

@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 
 def said(code: str) -> list[str]:
     """Return the words that code prints in a Python of its own."""
@@ -26,6 +28,7 @@ def test_artists_are_set_as_ever_and_only_own_ones_have_help():
     assert said("import nico_selfmodel.viz.reports" + ARTISTS) == ["7.0", "False", "True"]
 
 
+@pytest.mark.slow
 def test_a_matplotlib_that_is_there_keeps_its_help():
     before = "import matplotlib.figure, nico_selfmodel.viz.reports"
     assert said(before + ARTISTS) == ["7.0", "True", "True"]

@@ -179,6 +179,7 @@ def test_a_failure_is_red_and_says_why(failed_html, failed):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_names_from_outside_stay_text(renamed):
     verdict = judge(renamed)

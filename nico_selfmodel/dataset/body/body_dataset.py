@@ -28,8 +28,6 @@ WIDTH = 6
 """Columns of `Observations.values`."""
 ANY_POSE = -1
 """Pose of an observation that is the same in all: the distance of two markers of one link."""
-
-
 COLUMNS = ("pose", "sensor", "marker", "other", "values", "mirror")
 """Arrays of an `ObservationTable`, in its order."""
 
@@ -112,8 +110,9 @@ class BodyDataset:
         check_free_joints(self.joints, self.markers, self.sensors)
         object.__setattr__(self, "sample", read_only(self.sample, np.int64))
         object.__setattr__(self, "readings", read_only(self.readings, float))
-        flanges = np.full((count, n, 6), np.nan) if self.flanges is None else self.flanges
-        object.__setattr__(self, "flanges", read_only(flanges, float))
+        flanges = np.broadcast_to(np.nan, (count, n, 6))
+        flanges = flanges if self.flanges is None else read_only(self.flanges, float)
+        object.__setattr__(self, "flanges", flanges)
         if self.readings.shape != (count, n) or np.shape(flanges) != (count, n, 6):
             raise ValueError(f"readings must have shape ({count}, {n}), got {self.readings.shape}")
         approach = np.zeros((count, n)) if self.approach is None else self.approach
@@ -144,10 +143,11 @@ class BodyDataset:
     @cached_property
     def si_readings(self) -> NDArray:
         """Readings in rad and m, of a visit their mean, 0 of a joint without encoder. (P, n)."""
-        return mean_of_visits(self._si_as_read, self.visit)
+        return mean_of_visits(self.si_as_read, self.visit)
 
     @cached_property
-    def _si_as_read(self) -> NDArray:
+    def si_as_read(self) -> NDArray:
+        """`si_readings` as they were read. Shape (P, n)."""
         return np.nan_to_num(self.readings * [joint.si_per_unit for joint in self.joints])
 
     @cached_property
@@ -170,7 +170,7 @@ class BodyDataset:
     @property
     def _flange_joints(self) -> NDArray:
         """Joints whose poses were told at some sample. Shape (K,)."""
-        return np.flatnonzero(np.isfinite(np.asarray(self.flanges)).any(axis=(0, 2)))
+        return np.flatnonzero(np.isfinite(np.asarray(self.flanges)[..., 0]).any(axis=0))
 
     @cached_property
     def pose(self) -> NDArray:
@@ -185,7 +185,7 @@ class BodyDataset:
     @cached_property
     def _numbers(self) -> tuple[NDArray, NDArray]:
         flanges = self.X_flange[:, self._flange_joints].reshape(len(self.sample), -1)
-        all_read, every = np.hstack([self._si_as_read, flanges]), np.arange(len(self.sample))
+        all_read, every = np.hstack([self.si_as_read, flanges]), np.arange(len(self.sample))
         if self.free_joints:  # nobody read whether what moves freely stayed where it was
             seen = self.observations.pose[np.isin(self.seen_on, self.free_joints)]
             own = np.where(np.isin(every, seen), every + 1, 0)

@@ -188,11 +188,12 @@ def _entries(content: dict[str, Any], key: str, path: Path) -> list[Any]:
     ]
 
 
-def _read_joints(table: CsvTable, joints: Sequence[LinkJoint]) -> tuple[NDArray, NDArray]:
-    readings = np.full((len(table), len(joints)), np.nan)
-    flanges = np.full((len(table), len(joints), 6), np.nan)
+def _read_joints(table: CsvTable, joints: Sequence[LinkJoint]) -> tuple[NDArray, NDArray | None]:
+    readings, flanges = np.full((len(table), len(joints)), np.nan), None
+    if any(joint.motion == FLANGE for joint in joints):
+        flanges = np.full((len(table), len(joints), 6), np.nan)
     for i, joint in enumerate(joints):
-        if joint.motion == FLANGE:
+        if joint.motion == FLANGE and flanges is not None:
             flanges[:, i] = _poses_in(table, f"flange.{joint.name}.", empty=False)
         elif joint.is_read:
             readings[:, i] = table.numbers(f"{ENCODER}.{joint.name}")
@@ -303,7 +304,9 @@ def _indices(
     index = {name: k for k, name in enumerate(names)}
     cells = table.cells(column)
     place = {cell: index.get(cell.strip(), -1) for cell in set(cells)}
-    found = np.fromiter(map(place.__getitem__, cells), np.int64, len(cells))
+    found = np.full(len(cells), next(iter(place.values())))
+    if len(place) > 1:
+        found = np.fromiter(map(place.__getitem__, cells), np.int64, len(cells))
     unknown = found < 0 if rows is None else (found < 0) & rows
     if unknown.any():
         row = int(np.argmax(unknown))

@@ -52,7 +52,7 @@ def check_plausible_body(data: BodyDataset) -> None:
             warn_of_outside(own[:, :2], sensor.image_size, what)
         if sensor.kind == POSES:
             _check_turns(f"orientations of sensor {sensor.name!r}", own[:, 3:6])
-    if not stood_still(data.si_readings):
+    if not stood_still(data.si_as_read):
         warn_of_specks("all places that sensors measured lie", widest, _LENGTHS)
     xyz = np.array([marker.xyz for marker in data.markers if marker.xyz is not None])
     if len(xyz):

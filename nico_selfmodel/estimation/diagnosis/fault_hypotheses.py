@@ -25,11 +25,16 @@ from nico_selfmodel.estimation.initialization.start_search import (
     LineSolution,
     StartSearch,
     distances_between,
+    few_rows,
     left_by,
     refine_lines,
 )
+from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.results.verdict import MOST_OUTLIERS
+from nico_selfmodel.geometry.rotation import tangent_basis
+from nico_selfmodel.model.arm.line_kinematics import CarriedLines
+from nico_selfmodel.optimization.losses import Loss, robust_scale
 
 _MOST_STARTS = 500
 """Starts that the search may cost in all."""
@@ -45,6 +50,10 @@ above which all causes are."""
 _MANY_OUTLIERS = 0.1
 """... as above this share of outliers, in readings that left out a gap; above `MOST_OUTLIERS`, all
 causes are looked for."""
+_EXPLAINED_BESIDE = 0.1
+"""Share of the residuals' squares that a little of neighbours' readings must explain for it to be
+asked whether these are exchanged or sums of each other: of readings that are, it explains 0.35 of
+what arms leave and more, of noise 0.03."""
 _RIGID = 0.02
 """Scatter of a distance over the workspace's size above which two markers are not on one link."""
 _NORMAL_THIRD = 2.3219
@@ -106,8 +115,10 @@ def causes_of_misfit(
     # What a start leaves falls little any more when it is refined.
     worst = before.noise * (1.0 if bad and before.wrong <= _MANY_OUTLIERS else _BETTER)
     worst = min(worst, ASTRAY * observations.size)
-    worth = Worth.NEIGHBOURS if unexplained > _WORTH_A_LOOK else Worth.GAPS
-    worth = Worth.EVERYTHING if searched else worth
+    look = unexplained > _WORTH_A_LOOK and (
+        searched or neighbours_explain(few_rows(observations, 0), search.best.arm)
+    )
+    worth = Worth.EVERYTHING if searched else Worth.NEIGHBOURS if look else Worth.GAPS
     suspicions = chain(
         suspicions_of(observations, gear_pinned, held, worth), beside if searched else ()
     )
@@ -129,6 +140,33 @@ def causes_of_misfit(
                 words = f"{suspicion.words}{asked if bad else ''}; {rest}"
                 return Causes((words,), late=suspicion.late, left=rest)
     return Causes()
+
+
+def neighbours_explain(observations: Observations, arm: ArmEstimate) -> bool:
+    """Return whether parts of neighbours' readings explain any of what an arm leaves.
+
+    What two joints turn is a matrix times what is read of them. However far from 1 it is, an arm
+    that was fitted without it gains by a little of it: q_i + c q_j.
+
+    Args:
+        observations: Some of what was measured.
+        arm: As it was fitted.
+    """
+    chain, q = arm.chain, ((observations.angles - arm.zero) / arm.gear).T
+    bases = tangent_basis(chain.directions)
+    lines = CarriedLines.at(chain.directions, q, bases, bases)
+    d = lines.derivatives(chain.points, chain.p_WH_zero[observations.marker].T)
+    own = observations.marker == np.arange(len(chain.markers))[:, None]
+    fitted = [d.by_direction, d.by_point, d.by_angle * q, d.by_hand[:, :, None] * own]
+    beside = [d.by_angle[:, :-1] * q[1:], d.by_angle[:, 1:] * q[:-1]]
+    columns = np.concatenate([part.reshape(3, -1, len(own.T)) for part in fitted + beside], axis=1)
+    r = d.p - observations.p_WH.T
+    squares = np.sum(r**2, axis=0)
+    weight = Loss("cauchy", robust_scale(np.sqrt(squares), 3)).rho_and_weight(squares, 3)[1]
+    A = (columns * np.sqrt(weight)).swapaxes(1, 2).reshape(r.size, -1)
+    r = (r * np.sqrt(weight)).ravel()
+    left = r - A @ np.linalg.lstsq(A, r, rcond=1e-9)[0]
+    return bool(left @ left <= (1.0 - _EXPLAINED_BESIDE) * (r @ r))
 
 
 @dataclass(frozen=True)

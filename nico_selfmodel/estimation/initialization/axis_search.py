@@ -248,8 +248,9 @@ class _Projection:
         if not x.size:
             return directions, gear
         limits = {"max_iterations": _ITERATIONS, "tolerance": _TOLERANCE}
-        fits = levenberg_marquardt_each(evaluate, x, **limits)
-        moved, _, scaled = _at(directions, gear, self._free, np.stack([fit.x for fit in fits]))
+        moved, _, scaled = _at(
+            directions, gear, self._free, levenberg_marquardt_each(evaluate, x, **limits)[0]
+        )
         return moved, scaled
 
     def linear(

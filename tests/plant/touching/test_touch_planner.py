@@ -118,6 +118,7 @@ def test_a_body_as_it_is_drawn_is_nearer_than_its_collision_shapes(nico):
     assert 1e-3 < np.median(below) < 0.03
 
 
+@pytest.mark.slow
 def test_the_joints_stay_within_their_limits_and_the_stops_that_are_told(nico, planner):
     arm, model, held = nico
     touch = planned(planner)

@@ -58,13 +58,11 @@ def meeting_places(
     x = np.hstack([places.reshape(_STARTS, -1), np.tile(usual, (_STARTS, 1))])
     scale = max(off, _FINEST)
     while True:
-        fits = levenberg_marquardt_each(partial(_cauchy, rows, scale), x, max_iterations=_STEPS)
-        x = np.stack([fit.x for fit in fits])
+        x, cost = levenberg_marquardt_each(partial(_cauchy, rows, scale), x, max_iterations=_STEPS)
         if scale <= _FINEST:
             break
         scale = max(_SINKS * scale, _FINEST)
-    best = min(fits, key=lambda fit: fit.cost)
-    return np.asarray(best.x[: 3 * markers].reshape(markers, 3))
+    return np.asarray(x[np.argmin(cost), : 3 * markers].reshape(markers, 3))
 
 
 def _rows(
