@@ -1,6 +1,7 @@
 """What cannot tell a body, or contradicts what the user said of it, is refused with its cause."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,8 +13,13 @@ from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.monitoring.body_health import check_body_health
 from nico_selfmodel.estimation.monitoring.body_relearning import rezero_body
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
+from nico_selfmodel.estimation.tree.contradictions.against_the_rest import (
+    errors_by_link,
+    largest_error,
+)
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_findings import tree_findings
+from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_result import body_model
 from nico_selfmodel.estimation.tree.tree_setup import Description, Wishes
 
@@ -121,6 +127,21 @@ def test_a_sensor_that_hangs_is_named(arm):
     values[table.marker == 1] = values[np.flatnonzero(table.marker == 1)[0]]
     said = refusal(replace(arm, observations=replace(table, values=values)))
     assert "what 'tracker' measured of 'hand_tag1' is the same to the last digit" in said
+
+
+def test_errors_of_a_limb_whose_readings_are_wrong_are_the_largest():
+    sim = one_arm(5, joints=3, markers=2, poses=20)
+    parameters = TreeParameters(sim.tree)
+    markers = tuple(replace(m, on=on) for m, on in zip(sim.data.markers, ("j2", "j3"), strict=True))
+    values, table = sim.data.observations.values.copy(), sim.data.observations
+    start = SimpleNamespace(parameters=parameters, values=parameters.start)
+    data = replace(sim.data, markers=markers)
+    values[table.marker == 0] += np.random.default_rng(0).normal(size=(20, 6))
+    wrong = replace(data, observations=replace(table, values=values))
+    before, after = (errors_by_link(SimpleNamespace(start=start), one) for one in (data, wrong))
+    assert max(after, key=after.get) == 1
+    assert after[1] > 10.0 * before[1]
+    assert largest_error(SimpleNamespace(start=start), wrong) == after[1]
 
 
 @pytest.mark.slow

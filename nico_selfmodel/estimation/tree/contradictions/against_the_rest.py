@@ -82,15 +82,22 @@ def some_samples(data: BodyDataset, seed: int) -> BodyDataset:
 
 def largest_error(found: FoundStart, data: BodyDataset) -> float:
     """Return the largest usual error of what a sensor saw of a link, in the spread of all."""
+    return max(errors_by_link(found, data).values(), default=0.0)
+
+
+def errors_by_link(found: FoundStart, data: BodyDataset) -> dict[int, float]:
+    """Return the largest usual error of what a sensor saw of each link, in the spread of all."""
     seen, start = TreeObservations.of(data), found.start
     r = TreeResiduals(seen, start.parameters).residuals(start.values)
-    largest = 0.0
+    largest = dict[int, float]()
     for rows in (rows for rows in seen.sensors if rows.kind in SIGHTS):
         off = np.linalg.norm(r[rows.scalars].reshape(rows.measured.shape)[:, :3], axis=1)
         link, k = data.seen_on[rows.rows], min(rows.measured.shape[1], 3)
-        of_links = (off[link == one] for one in np.unique(link))
-        usual = [robust_scale(own, k) for own in of_links if len(own) >= _FEWEST]
-        largest = max(largest, max(usual, default=0.0) / spread_of(rows))
+        for one in np.unique(link).tolist():
+            own = off[link == one]
+            if len(own) >= _FEWEST:
+                usual = robust_scale(own, k) / spread_of(rows)
+                largest[one] = max(largest.get(one, 0.0), usual)
     return largest
 
 

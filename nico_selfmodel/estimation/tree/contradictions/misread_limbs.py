@@ -27,6 +27,7 @@ from nico_selfmodel.estimation.initialization.start_search import (
     search_starts,
 )
 from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.estimation.tree.contradictions.against_the_rest import errors_by_link
 from nico_selfmodel.estimation.tree.contradictions.standing_still import still_readings
 from nico_selfmodel.estimation.tree.guesses.carried_cameras import reconstructed_by
 from nico_selfmodel.estimation.tree.guesses.point_guess import (
@@ -46,9 +47,10 @@ _MOST_PAIRS = 24
 def refuse_misread_limbs(found: FoundStart, data: BodyDataset, seed: int) -> None:
     """Refuse readings that no body explains and one limb does, once they are mended.
 
-    Each limb of joints that turn is asked by its points in space as an arm alone is: whether two of
-    its joints are read for each other, its readings jump by a turn, or are of another sample. One
-    of its joints may be read for another limb's, and its own joints, or those it shares, be late.
+    Each limb of joints that turn is asked, those first that fit worst, by its points in space as an
+    arm alone is: whether two of its joints are read for each other, its readings jump by a turn, or
+    are of another sample. One of its joints may be read for another limb's, and its own joints, or
+    those it shares, be late.
 
     Args:
         found: The first body.
@@ -61,7 +63,9 @@ def refuse_misread_limbs(found: FoundStart, data: BodyDataset, seed: int) -> Non
     points, late, left = _in_space(found, data), list[LateReadings](), ""
     if points is None:
         return
-    for link in sorted({found.tree.markers[m].on for m in points.marker.tolist()}):
+    missed = errors_by_link(found, data)
+    links = sorted({found.tree.markers[m].on for m in points.marker.tolist()})
+    for link in sorted(links, key=lambda link: -missed.get(link, 0.0)):
         joints = np.flatnonzero(found.tree.beyond[link]).tolist() if link != WORLD else []
         if not joints or any(_is_no_arms(data, i) for i in joints):
             continue
