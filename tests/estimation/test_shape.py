@@ -13,6 +13,7 @@ from nico_selfmodel.estimation.shape.fusion import DepthView, first_surface
 from nico_selfmodel.estimation.shape.picture_equations import PictureEquations
 from nico_selfmodel.estimation.shape.refinement import refine_surface
 from nico_selfmodel.estimation.shape.shape_views import ShapeView, ShapeViews, nearest_of, sampled
+from nico_selfmodel.estimation.shape.standpoints import InMirror
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.surface_nets import surface_nets
 from nico_selfmodel.geometry.transform import transform
@@ -38,6 +39,10 @@ def mirrors():
         Mirror.from_values([*np.radians(tilt), 0.2 + 0.02 * k], np.diag(SIGMA**2))
         for k, tilt in enumerate(TILTS)
     ]
+
+
+def standpoints():
+    return tuple(InMirror(mirror, rig().left.X_WC) for mirror in mirrors())
 
 
 def painted(way):
@@ -84,7 +89,7 @@ def seen(paint=painted):
             if side == 0:
                 depths.append(DepthView(k, rig().left, depth))
     known = np.kron(np.eye(len(TILTS)), np.diag(SIGMA**2))
-    return ShapeViews(tuple(views), rig(), tuple(mirrors()), (), known), tuple(depths)
+    return ShapeViews(tuple(views), rig(), standpoints(), (), known), tuple(depths)
 
 
 def ball(radius, pitch=5e-3, front=None):
@@ -138,7 +143,7 @@ def test_a_ball_drawn_too_small_grows_to_its_size_and_says_how_well():
     truth = np.array([m.values for m in mirrors()])
     before, after = (
         np.linalg.norm((np.array([m.values for m in own]) - truth) / SIGMA)
-        for own in (told.mirrors, found.mirrors)
+        for own in (told.standpoints, found.standpoints)
     )
     assert after < before
 

@@ -30,22 +30,23 @@ def learned_from(monkeypatch, off, count=8):
         assert [f"m{pair[0].item()}" for pair in looks.covered] == list(looks.mirrors)
         values = np.concatenate([mirror.values for mirror in looks.mirrors.values()])
         covariance = np.diag(np.tile(SIGMA**2, len(looks.mirrors)))
-        return SimpleNamespace(values=values, covariance=covariance, views=())
+        parts = tuple(slice(3 * k, 3 * k + 3) for k in range(len(looks.mirrors)))
+        return SimpleNamespace(values=values, covariance=covariance, views=(), parts=parts)
 
     def refined(*_):
         moved = np.where([name == "m3" for name in seen[-1]], off, 0.5)[:, None] * SIGMA
         values = [looks.mirrors[name].values for name in seen[-1]] + moved
-        return SimpleNamespace(mirrors=tuple(map(Mirror.from_values, values)))
+        return SimpleNamespace(standpoints=tuple(map(Mirror.from_values, values)))
 
     looks = looks_into(count)
     monkeypatch.setattr(learned_shape, "outlined", outlined)
     monkeypatch.setattr(learned_shape, "_depths", lambda *_: [])
     monkeypatch.setattr(learned_shape, "first_surface", lambda *_: None)
-    monkeypatch.setattr(learned_shape, "refine_surface", refined)
-    monkeypatch.setattr(learned_shape, "_links", lambda *_: {})
+    monkeypatch.setattr(learned_shape, "refined", refined)
+    monkeypatch.setattr(learned_shape, "links_of", lambda *_: {})
     skeleton = Skeleton(("chest",), np.array([[[0.0, 0.0, 0.8], [0.0, 0.0, 0.801]]]))
     found = learn_shape(looks, None, skeleton, {}, ("chest",), np.random.default_rng(0))
-    assert len(found.all.mirrors) == len(seen[-1])
+    assert len(found.all.standpoints) == len(seen[-1])
     return seen
 
 

@@ -11,8 +11,8 @@ from nico_selfmodel.cli.option_groups import Output
 from nico_selfmodel.cli.result_files import judge_and_write
 
 if TYPE_CHECKING:
+    from nico_selfmodel.model.shape.link_shape import BodyShape
     from nico_selfmodel.progress import Progress
-    from nico_selfmodel.sessions.mirrors.learned_shape import LearnedShape
     from nico_selfmodel.sessions.mirrors.own_shape import ShapeScenario
     from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
@@ -42,6 +42,7 @@ def _write_shape_scenario(
     from nico_selfmodel.viz.reports.arm import arm_report
 
     arm, robot = scenario.arm, ArmDescription.of_model(scenario.model)
+    shape, mirrors = scenario.shape.body, len(scenario.shape.all.standpoints)
     calibration = replace(arm.calibration, model=scenario.model)
     result = arm.stereo.with_pixels(result_of(calibration), scenario.model)
     document = judge_and_write(
@@ -50,27 +51,31 @@ def _write_shape_scenario(
         partial(arm_report, calibration, robot=robot),
         output,
         progress,
-        more={"shape": shape_document(scenario.shape)},
+        more={"shape": shape_document(shape, mirrors=mirrors)},
         robot=robot,
         recordings={"train": arm.train, "test": arm.test},
-        shape=scenario.shape.body,
+        shape=shape,
     )
     return write_mirror_scenario(output.out, document, scenario.mirrors)
 
 
-def shape_document(shape: "LearnedShape") -> dict[str, Any]:
-    """Return what `result.json` tells of a learned shape."""
+def shape_document(shape: "BodyShape", **seen_in: int) -> dict[str, Any]:
+    """Return what `result.json` tells of a learned shape.
+
+    Args:
+        seen_in: In how many `mirrors` or `poses`.
+    """
     import numpy as np
 
     return {
-        "mirrors": len(shape.all.mirrors),
+        **seen_in,
         "links": {
             link: {
                 "vertices": len(own.seen),
                 "seen": int(own.seen.sum()),
                 "sigma_mm": 1e3 * float(np.median(own.sigma[own.seen])) if own.seen.any() else None,
             }
-            for link, own in shape.body.links.items()
+            for link, own in shape.links.items()
         },
     }
 
@@ -78,13 +83,14 @@ def shape_document(shape: "LearnedShape") -> dict[str, Any]:
 def told_in_words(document: Mapping[str, Any]) -> list[str]:
     """Return what a document tells of the shape of each link."""
     shape = document["shape"]
-    return [_of_link(link, own, shape["mirrors"]) for link, own in shape["links"].items()]
+    where = next(f"{shape[what]} {what}" for what in ("mirrors", "poses") if what in shape)
+    return [_of_link(link, own, where) for link, own in shape["links"].items()]
 
 
-def _of_link(link: str, own: Mapping[str, Any], mirrors: int) -> str:
+def _of_link(link: str, own: Mapping[str, Any], where: str) -> str:
     if not own["seen"]:
-        return f"shape of {link}: not known, no place was seen often enough in {mirrors} mirrors"
+        return f"shape of {link}: not known, no place was seen often enough in {where}"
     return (
-        f"shape of {link}, in {mirrors} mirrors: {own['seen']} of {own['vertices']} vertices seen, "
+        f"shape of {link}, in {where}: {own['seen']} of {own['vertices']} vertices seen, "
         f"to {own['sigma_mm']:.1f} mm (median sigma)"
     )

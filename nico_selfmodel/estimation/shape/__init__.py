@@ -1,1 +1,1 @@
-"""The outer shape of what stands still before the cameras, seen in mirrors."""
+"""The outer shape of links: of those that stand still in mirrors, of those that move directly."""

@@ -1,4 +1,4 @@
-"""A first surface of what stands still, from outlines and depths of many mirrors.
+"""A first surface of a link, from outlines and depths of many looks.
 
 Where at least two pictures show the room, nothing stands. Elsewhere depths are fused into a signed
 distance (Curless and Levoy 1996)
@@ -26,10 +26,12 @@ from nico_selfmodel.model.cameras.camera import Camera
 
 _BEYOND = 1.5
 """What a picture shows so far outside of the outline is empty [px]."""
+_LOOSE = 2.0
+"""Standard deviations of a body's place that count with it."""
 _EMPTY = 2
-"""Mirrors that must show a place to be empty."""
-_CUT = 0.02
-"""t: how far about a surface distances count [m]."""
+"""Looks that must show a place to be empty."""
+_CUT = 4.0
+"""t: how far about a surface distances count, in pitches of the voxels."""
 _FEWEST = 1.5
 """Least weight of a fused distance, in depths seen from `_TYPICAL`."""
 _TYPICAL = 0.6
@@ -40,10 +42,10 @@ _PART = 300
 
 @dataclass(frozen=True, eq=False)
 class DepthView:
-    """How far away what a camera saw in a mirror seems to be."""
+    """How far away what a camera saw in a look seems to be."""
 
-    mirror: int
-    """Which mirror."""
+    look: int
+    """Which look."""
     camera: Camera
     """A real one, without a lens."""
     depth: NDArray
@@ -58,17 +60,18 @@ def first_surface(
     Args:
         grid: Where to look.
         wanted: Which of its points. Shape (points,).
-        depths: In some or all of the mirrors.
+        depths: In some or all of the looks.
 
     Raises:
         EstimationError: If no surface is found.
     """
     index = np.flatnonzero(wanted)
     points = grid.points[index]
-    distance = _fused(points, views, depths)
+    cut = _CUT * grid.pitch
+    distance = _fused(points, views, depths, cut)
     empty = _emptied(points, views)
     # What outlines carve away is outside whatever the depths say, and its wall is a surface.
-    floor = np.where(np.isfinite(distance), 0.5 * grid.pitch, _CUT)
+    floor = np.where(np.isfinite(distance), 0.5 * grid.pitch, cut)
     distance = np.where(empty, np.fmax(distance, floor), distance)
     field = np.full(grid.shape, np.nan)
     field.ravel()[index] = distance
@@ -76,32 +79,33 @@ def first_surface(
     sizes = np.bincount(mesh.parts, minlength=1) if len(mesh.vertices) else np.zeros(1)
     if sizes.max() < _PART:
         raise EstimationError(
-            f"the pictures of {len(views.mirrors)} mirrors show no surface: is head and chest in "
-            "view in them, and does the room look otherwise than the body?"
+            f"the pictures of {len(views.standpoints)} looks show no surface: is the body in view "
+            "in them, and does the room look otherwise than the body?"
         )
     return mesh.of_vertices(sizes[mesh.parts] >= _PART)
 
 
 def _emptied(points: NDArray, views: ShapeViews) -> NDArray:
-    """Return which places some mirrors show to be empty. Shape (N,)."""
-    shown = np.zeros((len(views.mirrors), len(points)), dtype=bool)
+    """Return which places some looks show to be empty. Shape (N,)."""
+    shown = np.zeros((len(views.standpoints), len(points)), dtype=bool)
     for view, pixels in zip(views.views, views.pixels(points), strict=True):
         with np.errstate(invalid="ignore"):
-            shown[view.mirror] |= nearest_of(view.beyond, pixels) > _BEYOND
+            outside = nearest_of(view.beyond, pixels) > _BEYOND + _LOOSE * view.loose
+        shown[view.look] |= outside
     return shown.sum(axis=0) >= _EMPTY
 
 
-def _fused(points: NDArray, views: ShapeViews, depths: Sequence[DepthView]) -> NDArray:
+def _fused(points: NDArray, views: ShapeViews, depths: Sequence[DepthView], cut: float) -> NDArray:
     """Return the fused signed distance, nan where nothing tells it [m]. Shape (N,)."""
     top, total = np.zeros(len(points)), np.zeros(len(points))
     for one in depths:
-        behind = views.mirrors[one.mirror].reflect(points)
-        far = apply(one.camera.X_CW, behind)[:, 2]
+        places = views.standpoints[one.look].seen_at(points)
+        far = apply(one.camera.X_CW, places)[:, 2]
         with np.errstate(invalid="ignore"):
-            before = nearest_of(one.depth, one.camera.project(behind)) - far
-            told = before > -_CUT
+            before = nearest_of(one.depth, one.camera.project(places)) - far
+            told = before > -cut
         weight = far[told] ** -4.0
-        top[told] += weight * np.minimum(before[told] / _CUT, 1.0)
+        top[told] += weight * np.minimum(before[told] / cut, 1.0)
         total[told] += weight
     known = total > _FEWEST * _TYPICAL**-4.0
-    return np.where(known, _CUT * top / np.where(known, total, 1.0), np.nan)
+    return np.where(known, cut * top / np.where(known, total, 1.0), np.nan)

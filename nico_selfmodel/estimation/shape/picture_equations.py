@@ -1,11 +1,12 @@
-"""What pictures in mirrors tell of how a surface must move along its normals, and of the mirrors.
+"""What pictures tell of how a surface must move along its normals, and of what is before it.
 
-Light and body stand still, so that a place has one colour c in all mirrors (Lambert); with what
-its normal moves it by d, and what its mirror and the cameras are wrong by, m, a grey level is
+Light and body stand still, so that a place has one colour c in all mirrors (Lambert), and one in
+both cameras where the body moves (`ShapeViews.lit_alike`); with what its normal moves it by d, and
+what mirror or pose and the cameras are wrong by, m, a grey level is
 
     I_k(x) + g_k d + h_k . m = c + noise,    g = grad I . du/dx . n,    h = grad I . du/dm
 
-c is eliminated by subtracting the weighted mean of all pictures that show the place. I is blurred
+c is eliminated by subtracting the weighted mean of all pictures that show it. I is blurred
 as little as noise allows: a blurred picture mixes what is about a place, and mixes more of it the
 more the surface is turned away, so that a body that is darker beside its middle seems to lie deeper
 (chests by 0.4 mm at 1 px). grad I may be blurred more: it says how fast, not where to. Where the
@@ -19,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.shape.shape_views import ShapeViews, sampled
+from nico_selfmodel.estimation.shape.shape_views import ShapeViews, sampled, slope_of
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
 
 _LEVEL, _SHARE, _SHIFT = 1.2, 0.01, 0.15
@@ -38,18 +39,18 @@ _ROUNDS = 3
 
 @dataclass(frozen=True, eq=False)
 class PictureEquations:
-    """Normal equations of a surface's displacements d and values m of mirrors and cameras."""
+    """Normal equations of displacements d and values m of standpoints and cameras, K + c."""
 
     own: NDArray
     """Information of each displacement [1/m^2]. Shape (V,)."""
     pull: NDArray
     """What the pictures ask displacements for. Shape (V,)."""
     coupling: NDArray
-    """Of displacements with mirrors and cameras. Shape (V, 3 M + c)."""
+    """Of displacements with standpoints and cameras. Shape (V, K + c)."""
     values: NDArray
-    """Information of mirrors and cameras. Shape (3 M + c, 3 M + c)."""
+    """Information of standpoints and cameras. Shape (K + c, K + c)."""
     values_pull: NDArray
-    """What the pictures ask mirrors and cameras for. Shape (3 M + c,)."""
+    """What the pictures ask standpoints and cameras for. Shape (K + c,)."""
     colors: NDArray
     """Mean colour of each vertex, BGR, nan where no picture shows it. Shape (V, 3)."""
     chi_square: NDArray
@@ -61,7 +62,7 @@ class PictureEquations:
     def of(
         cls, mesh: TriangleMesh, views: ShapeViews, smoother: ShapeViews | None = None
     ) -> "PictureEquations":
-        """Work them out where surface and mirrors are now.
+        """Work them out where surface and standpoints are now.
 
         Args:
             smoother: The same pictures, blurred so that their slopes can be told from noise.
@@ -75,7 +76,7 @@ class PictureEquations:
             for k, (view, smooth) in enumerate(both)
         ]
         parts = [views.part(view) for view in views.views]
-        colors, chi_square = _photometric(looks, parts, sums)
+        colors, chi_square = _photometric(looks, parts, views.lit_alike, sums)
         edge_on = _outlines(mesh, views, pixels, slopes, sums)
         return cls(
             sums.own, sums.pull, sums.coupling, sums.values, sums.values_pull, colors,
@@ -139,9 +140,10 @@ def _look(
 ) -> _Look:
     """Look up grey levels in one picture and their derivatives in another."""
     which = np.flatnonzero(shown)
-    down, right = np.gradient(pictures[1], axis=(0, 1))
-    levels, right, down = (sampled(one, pixels[which]) for one in (pictures[0], right, down))
-    slope = np.stack([right, down], axis=2)
+    slope = slope_of(pictures[1], pixels[which])
+    inside = np.isfinite(slope).all(axis=(1, 2))
+    which, slope = which[inside], slope[inside]
+    levels = sampled(pictures[0], pixels[which])
     by_normal = np.einsum("vij,vj->vi", slopes[0][which], normals[which])
     variance = _LEVEL**2 + (_SHARE * levels) ** 2 + _SHIFT**2 * np.sum(slope**2, axis=2)
     return _Look(
@@ -154,49 +156,107 @@ def _look(
 
 
 def _photometric(
-    looks: Sequence[_Look], parts: Sequence[NDArray], sums: _Sums
+    looks: Sequence[_Look], parts: Sequence[NDArray], groups: Sequence[Sequence[int]], sums: _Sums
 ) -> tuple[NDArray, NDArray]:
-    """Add what the colours tell; return them and how well they agree."""
+    """Add what the colours tell; return them and how well they agree.
+
+    Args:
+        groups: Numbers of the looks in which a place has one colour.
+    """
     size = len(sums.own)
-    weights, colors, total, chi_square = _agreed(looks, size)
-    slope, by_value = np.zeros((size, 3)), np.zeros((size, 3, len(sums.values)))
-    for look, weight, part in zip(looks, weights, parts, strict=True):
+    seen = np.zeros((size, 3)), np.zeros((size, 3))
+    square, count = np.zeros(size), np.zeros(size)
+    for group in groups:
+        own = [looks[k] for k in group]
+        agreed = _agreed(own, size)
+        _add_agreed(own, [parts[k] for k in group], agreed, sums)
+        seen[0][:] += agreed.total * np.nan_to_num(agreed.colors)
+        seen[1][:] += agreed.total
+        square += agreed.square
+        count += agreed.count
+    chi_square = np.where(count > 0.0, square / np.maximum(count, 1.0), 1.0)
+    return seen[0] / np.where(seen[1] > 0.0, seen[1], np.nan), chi_square
+
+
+@dataclass(frozen=True, eq=False)
+class _Agreed:
+    """The colours on which looks agree, outliers weighing less."""
+
+    weights: list[NDArray]
+    """Of each look's grey levels."""
+    colors: NDArray
+    """Mean of each vertex. Shape (V, 3)."""
+    total: NDArray
+    """Weight of these. Shape (V, 3)."""
+    square: NDArray
+    """Sum of the squared errors of each vertex, in standard deviations. Shape (V,)."""
+    count: NDArray
+    """Degrees of freedom of that. Shape (V,)."""
+
+
+def _add_agreed(
+    looks: Sequence[_Look], parts: Sequence[NDArray], agreed: _Agreed, sums: _Sums
+) -> None:
+    """Add what looks of one light tell beside their mean."""
+    size, used = len(sums.own), np.unique(np.concatenate(parts))
+    slope, by_value = np.zeros((size, 3)), np.zeros((size, 3, len(used)))
+    for look, weight, part in zip(looks, agreed.weights, parts, strict=True):
         slope[look.which] += weight * look.by_normal
         own = weight[:, :, None] * look.by_value
-        by_value[look.which[:, None], :, part] += own.transpose(0, 2, 1)
-    slope /= np.maximum(total, 1e-12)
-    for look, weight, part in zip(looks, weights, parts, strict=True):
-        off = look.levels - colors[look.which]
+        by_value[look.which[:, None], :, np.searchsorted(used, part)] += own.transpose(0, 2, 1)
+    slope /= np.maximum(agreed.total, 1e-12)
+    for look, weight, part in zip(looks, agreed.weights, parts, strict=True):
+        off = look.levels - agreed.colors[look.which]
         rest = _Rest(off, weight / _ALIKE)
         sums.add(look.which, part, look.by_normal - slope[look.which], look.by_value, rest)
-    flat = by_value / np.sqrt(_ALIKE * np.maximum(total, 1e-12))[:, :, None]
-    flat = flat.reshape(-1, len(sums.values))
-    sums.values[:] -= flat.T @ flat
-    return colors, chi_square
+    flat = by_value / np.sqrt(_ALIKE * np.maximum(agreed.total, 1e-12))[:, :, None]
+    flat = flat.reshape(-1, len(used))
+    sums.values[np.ix_(used, used)] -= flat.T @ flat
 
 
-def _agreed(looks: Sequence[_Look], size: int) -> tuple[list[NDArray], NDArray, NDArray, NDArray]:
-    """Return weights, mean colours, their total weights and chi-squares, outliers weighing less."""
+def _agreed(looks: Sequence[_Look], size: int) -> _Agreed:
+    """Return what looks of one light agree on."""
     shares = [np.ones((len(look.which), 1)) for look in looks]
-    colors, total = np.zeros((size, 3)), np.zeros((size, 3))
-    errors: list[NDArray] = []
     for _ in range(_ROUNDS):
-        total, colors = np.zeros((size, 3)), np.zeros((size, 3))
-        for look, share in zip(looks, shares, strict=True):
-            total[look.which] += share * look.weight
-            colors[look.which] += share * look.weight * look.levels
-        with np.errstate(invalid="ignore"):
-            colors = colors / np.where(total > 0.0, total, np.nan)
-        errors = [np.abs(one.levels - colors[one.which]) * np.sqrt(one.weight) for one in looks]
-        worst = [np.maximum(one.max(axis=1, initial=1e-9), 1e-9)[:, None] for one in errors]
-        shares = [np.minimum(1.0, _HUBER / one) ** 2 for one in worst]
+        colors, _ = _means(looks, shares, size)
+        shares = _shares(looks, _off(looks, colors), size)
+    colors, total = _means(looks, shares, size)
     square, count = np.zeros(size), np.zeros(size)
-    for look, error in zip(looks, errors, strict=True):
+    for look, error in zip(looks, _off(looks, colors), strict=True):
         square[look.which] += np.mean(error**2, axis=1)
         count[look.which] += 1.0
-    chi_square = np.where(count > 1.0, square / np.maximum(count - 1.0, 1.0), 1.0)
     weights = [share * look.weight for look, share in zip(looks, shares, strict=True)]
-    return weights, colors, total, chi_square
+    return _Agreed(
+        weights, colors, total, np.where(count > 1.0, square, 0.0), np.maximum(count - 1.0, 0.0)
+    )
+
+
+def _means(looks: Sequence[_Look], shares: Sequence[NDArray], size: int) -> tuple[NDArray, NDArray]:
+    """Return mean colours, nan where none is seen, and their total weights. Shapes (V, 3)."""
+    colors, total = np.zeros((size, 3)), np.zeros((size, 3))
+    for look, share in zip(looks, shares, strict=True):
+        total[look.which] += share * look.weight
+        colors[look.which] += share * look.weight * look.levels
+    return colors / np.where(total > 0.0, total, np.nan), total
+
+
+def _off(looks: Sequence[_Look], colors: NDArray) -> list[NDArray]:
+    """Return how far grey levels are from these, in standard deviations. Shapes (n, 3)."""
+    return [np.abs(one.levels - colors[one.which]) * np.sqrt(one.weight) for one in looks]
+
+
+def _shares(looks: Sequence[_Look], errors: Sequence[NDArray], size: int) -> list[NDArray]:
+    """Return what each look's levels count: less where they are far off. Shapes (n, 1).
+
+    Which of two is wrong nothing tells: both count what the worse one does.
+    """
+    worst = [error.max(axis=1, initial=1e-9) for error in errors]
+    if len(looks) == 2:
+        both = np.full(size, 1e-9)
+        for look, one in zip(looks, worst, strict=True):
+            both[look.which] = np.maximum(both[look.which], one)
+        worst = [both[look.which] for look in looks]
+    return [np.minimum(1.0, _HUBER / np.maximum(one, 1e-9))[:, None] ** 2 for one in worst]
 
 
 def _outlines(
@@ -215,8 +275,7 @@ def _outlines(
             on = (np.abs(beyond) < _OUTLINE_NEAR) & (np.abs(facing[k]) < _EDGE_ON)
             on |= (beyond > 0.0) & (beyond < 2.0 * _OUTLINE_NEAR)
         which = np.flatnonzero(on)
-        down, right = np.gradient(view.beyond, axis=(0, 1))
-        slope = np.stack([sampled(one, pixels[k][which]) for one in (right, down)], axis=1)
+        slope = slope_of(view.beyond, pixels[k][which])
         kept = np.isfinite(slope).all(axis=1)
         which, slope = which[kept], slope[kept]
         off = beyond[which]

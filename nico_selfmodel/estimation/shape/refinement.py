@@ -1,13 +1,14 @@
-"""A surface and the mirrors that show it, refined until every picture shows the same colours.
+"""A surface and what shows it, refined until every picture shows the same colours.
 
-Vertices move along their normals and mirrors by their values, by what the pictures tell
-(`picture_equations`), what the hand told of the mirrors before, and how smooth a surface is
-expected to be (`fair_surface`); first by blurred pictures, which lead from farther away. There
-mirrors are held, then each moves by what the surface leaves of its own pictures' error; in the end
-surface and mirrors move at once, and what the hand told of one mirror counts for all.
+Vertices move along their normals, and mirrors, or a link's poses, by their values, by what the
+pictures tell (`picture_equations`), what the hand told of mirrors or poses before, and how smooth a
+surface is expected to be (`fair_surface`); first by blurred pictures, which lead from farther away.
+There mirrors are held, then each moves by what the surface leaves of its own pictures' error; in
+the end surface and mirrors move at once, and what the hand told of one mirror counts for all. What
+is said of mirrors here holds for the poses of a link that moves.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,8 +18,8 @@ from nico_selfmodel.arrays import read_only
 from nico_selfmodel.estimation.shape.fair_surface import PATCH, FairSurface, Neighbours
 from nico_selfmodel.estimation.shape.picture_equations import PictureEquations
 from nico_selfmodel.estimation.shape.shape_views import ShapeViews
+from nico_selfmodel.estimation.shape.standpoints import Standpoint
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
-from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.optimization.uncertainty import inverse_of
 
 HELD, APART, TOGETHER = "held", "apart", "together"
@@ -47,7 +48,16 @@ STEPS = (
     Step(0.5, 1.5, APART),
     *(Step(0.5, 1.5, TOGETHER),) * 6,
 )
-"""What is done in turn."""
+"""What is done in turn, of mirrors."""
+MOVING_STEPS = (
+    Step(2.0, 2.0, HELD),
+    Step(2.0, 2.0, HELD),
+    *(Step(1.0, 1.5, APART),) * 4,
+    *(Step(0.5, 1.5, APART),) * 3,
+    *(Step(0.5, 1.5, TOGETHER),) * 2,
+)
+"""The same of a link that moves: each of many poses counts for little in what the others tell, so
+that they converge by themselves, and all at once is solved for tau and sigma alone."""
 _BEND_SIGMA = 1e-3
 """By how much surfaces bend otherwise than nearby, over an edge of a mesh, until they tell [m]."""
 FEWEST = 10
@@ -78,8 +88,8 @@ class RefinedSurface:
     """BGR, nan where no picture shows a vertex. Shape (V, 3)."""
     looks: NDArray
     """Pictures that show each vertex, or its outline. Shape (V,)."""
-    mirrors: tuple[Mirror, ...]
-    """As the body tells them."""
+    standpoints: tuple[Standpoint, ...]
+    """As the pictures tell them."""
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
@@ -98,21 +108,27 @@ def refine_surface(
     blurred: Callable[[float], ShapeViews],
     rng: np.random.Generator,
     progress: Callable[[int, int], None] | None = None,
+    steps: Sequence[Step] = STEPS,
+    gate: float = np.inf,
 ) -> RefinedSurface:
-    """Move vertices along their normals, and the mirrors, until all pictures agree.
+    """Move vertices along their normals, and the standpoints, until all pictures agree.
 
     Args:
         mesh: Where the surface is about: to 5 mm or so, where it has no edges to follow.
         blurred: The pictures, blurred by a Gaussian [px] of what shows the body; mirrors as the
             hand told them.
         rng: Source of samples of what is not known.
+        steps: What is done in turn; the last is `TOGETHER`.
+        gate: Chi-square beyond which a standpoint that moves by itself is left out, with its
+            pictures: what they show there is something else.
     """
     neighbours = Neighbours.of(mesh)
-    before = replace(blurred(STEPS[0].levels), views=())  # whose pictures are not kept
+    before = replace(blurred(steps[0].levels), views=())  # whose pictures are not kept
     values, covariance = before.values, before.covariance
     tau = np.full(len(mesh.vertices), _BEND_SIGMA)
-    for k, step in enumerate(STEPS):
-        found, fair = _equations(mesh, neighbours, blurred, step, values, tau)
+    sound = np.ones(len(before.standpoints), dtype=bool)
+    for k, step in enumerate(steps):
+        found, fair = _equations(mesh, neighbours, blurred, step, values, tau, sound)
         if step.mirrors == TOGETHER:
             drawn = fair.drawn(found.own, rng, _SAMPLES, _STEPS)
             tau = fair.told(drawn, well_shown(found, neighbours), _BEND_SIGMA)
@@ -122,13 +138,15 @@ def refine_surface(
             by = fair.solved(found.own, (found.pull + fair.pull)[:, None])[:, 0]
             free = step.mirrors == APART
             change = _apart(before, values, found, by) if free else np.zeros_like(values)
+            sound &= moved(before, values + change) < gate
+            change = np.where(_of_each(before, sound), change, before.values - values)
         by, values = np.clip(by, -_FARTHEST, _FARTHEST), values + change
         mesh = mesh.moved(mesh.vertices + by[:, None] * mesh.normals)
         if progress:
-            progress(k + 1, len(STEPS))
-    found, fair = _equations(mesh, neighbours, blurred, STEPS[-1], values, tau)
+            progress(k + 1, len(steps))
+    found, fair = _equations(mesh, neighbours, blurred, steps[-1], values, tau, sound)
     sigma = _sigma(found, fair, covariance, rng)
-    return RefinedSurface(mesh, sigma, found.colors, found.looks, before.placed(values).mirrors)
+    return RefinedSurface(mesh, sigma, found.colors, found.looks, before.placed(values).standpoints)
 
 
 def _equations(
@@ -138,11 +156,34 @@ def _equations(
     step: Step,
     values: NDArray,
     tau: NDArray,
+    sound: NDArray,
 ) -> tuple[PictureEquations, FairSurface]:
-    """Return what pictures and smoothness tell where surface and mirrors are now."""
-    views = blurred(step.levels).placed(values)
-    found = PictureEquations.of(mesh, views, blurred(step.slopes))
+    """Return what pictures and smoothness tell where surface and mirrors are now.
+
+    Args:
+        sound: Which mirrors count. Shape (M,).
+    """
+    views, smoother = (
+        replace(own, views=tuple(view for view in own.views if sound[view.look]))
+        for own in (blurred(step.levels), blurred(step.slopes))
+    )
+    found = PictureEquations.of(mesh, views.placed(values), smoother)
     return found, FairSurface.of(mesh, neighbours, tau)
+
+
+def moved(before: ShapeViews, values: NDArray) -> NDArray:
+    """Return how far each standpoint is from where it was told before: chi-squares. Shape (M,).
+
+    Pictures lead no farther than they are blurred: of a mirror that the hand told much worse than
+    it says they find another place, and all that they show in it is wrong.
+    """
+    off, known = values - before.values, before.covariance
+    return np.array([off[k] @ np.linalg.solve(known[k, k], off[k]) for k in before.parts])
+
+
+def _of_each(before: ShapeViews, standpoints: NDArray) -> NDArray:
+    """Return what holds of each standpoint for each of its values. Shape (M,) -> (K,)."""
+    return np.repeat(standpoints, [len(one.values) for one in before.standpoints])
 
 
 def _together(
@@ -186,8 +227,7 @@ def _apart(before: ShapeViews, values: NDArray, found: PictureEquations, step: N
     """
     pull = found.values_pull - found.coupling.T @ step
     off, change = before.values - values, []
-    for k in range(len(before.mirrors)):
-        own = slice(3 * k, 3 * k + 3)
+    for own in before.parts:
         known = np.linalg.inv(before.covariance[own, own])
         information = found.values[own, own] + known
         change.append(np.linalg.solve(information, pull[own] + known @ off[own]))

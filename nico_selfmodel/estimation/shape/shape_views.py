@@ -1,16 +1,16 @@
-"""What both cameras saw of a body in mirrors, and what of a surface each picture shows."""
+"""What both cameras saw of a body in many looks, and what of a surface each picture shows."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.observations.hand_rows import project_to_cameras
-from nico_selfmodel.geometry.reflection import reflect
+from nico_selfmodel.estimation.shape.standpoints import Standpoint
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
-from nico_selfmodel.model.cameras.mirror import Mirror
-from nico_selfmodel.model.cameras.mirror_rig import MirrorRig, reflected_projection
+from nico_selfmodel.model.cameras.mirror_rig import projected
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 _CELL = 6.0
@@ -25,75 +25,106 @@ _INSIDE = 2.0
 
 @dataclass(frozen=True, eq=False)
 class ShapeView:
-    """One camera's picture in one mirror."""
+    """One camera's picture in one look."""
 
-    mirror: int
-    """Which mirror."""
+    look: int
+    """Which look."""
     side: int
     """Which camera, 0 or 1."""
     picture: NDArray
     """BGR. Shape (h, w, 3)."""
     beyond: NDArray
     """How far a pixel is outside of the body, nan where that is not known [px]. Shape (h, w)."""
+    loose: float = 0.0
+    """By what the body's place in the picture may be off, beside the outline's own error [px]."""
+    corner: tuple[int, int] = (0, 0)
+    """Column and row of the camera's picture in which this one begins [px]."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShapeViews:
-    """All pictures, the cameras and the mirrors."""
+    """All pictures, the cameras, and what is between these and the shape in each look."""
 
     views: tuple[ShapeView, ...]
     """The pictures."""
     rig: StereoRig
     """The cameras; the left one is W."""
-    mirrors: tuple[Mirror, ...]
-    """As they are known; M of them."""
+    standpoints: tuple[Standpoint, ...]
+    """Mirrors or poses of a link, as they are known, one a look."""
     cameras: tuple[str, ...]
     """What of the rig may be wrong, of its `names`; c of them."""
     covariance: NDArray
-    """Of all mirrors' values in turn and of these, before the pictures. (3 M + c, 3 M + c)."""
+    """Of all standpoints' values in turn, K of them, and of these, before the pictures. Shape
+    (K + c, K + c)."""
 
     @property
     def values(self) -> NDArray:
-        """Of all mirrors in turn. Shape (3 M,)."""
-        return np.concatenate([mirror.values for mirror in self.mirrors])
+        """Of all standpoints in turn. Shape (K,)."""
+        return np.concatenate([one.values for one in self.standpoints])
+
+    @property
+    def parts(self) -> tuple[slice, ...]:
+        """Where the values of each standpoint are among all."""
+        ends = np.cumsum([0, *(len(one.values) for one in self.standpoints)]).tolist()
+        return tuple(slice(start, end) for start, end in pairwise(ends))
+
+    @property
+    def lit_alike(self) -> list[list[int]]:
+        """Numbers of the pictures in which a place has one colour, for it is lit alike."""
+        still, turned = [], {}
+        for k, view in enumerate(self.views):
+            if self.standpoints[view.look].turns_light:
+                turned.setdefault(view.look, []).append(k)
+            else:
+                still.append(k)
+        return [group for group in (still, *turned.values()) if group]
 
     def placed(self, values: NDArray) -> "ShapeViews":
-        """Return the same pictures with mirrors elsewhere, by their `values`."""
-        mirrors = [Mirror.from_values(own) for own in values.reshape(-1, 3)]
-        return replace(self, mirrors=tuple(mirrors))
+        """Return the same pictures with standpoints elsewhere, by their `values`."""
+        both = zip(self.standpoints, self.parts, strict=True)
+        return replace(self, standpoints=tuple(one.at(values[part]) for one, part in both))
 
     def part(self, view: ShapeView) -> NDArray:
-        """Return which of what the covariance is of a picture depends on. Shape (3 + c,)."""
-        cameras = 3 * len(self.mirrors) + np.arange(len(self.cameras))
-        return np.concatenate([3 * view.mirror + np.arange(3), cameras])
+        """Return which of what the covariance is of a picture depends on. Shape (k + c,)."""
+        count = self.parts[-1].stop
+        own = self.parts[view.look]
+        return np.r_[own.start : own.stop, count : count + len(self.cameras)]
 
-    def pixels(self, p_WQ: NDArray) -> list[NDArray]:
-        """Return where each picture shows points. Shape (N, 3) -> (N, 2) each."""
-        both = [MirrorRig(self.rig, mirror).project(p_WQ) for mirror in self.mirrors]
-        return [both[v.mirror][:, 2 * v.side : 2 * v.side + 2] for v in self.views]
+    def pixels(self, p_FQ: NDArray) -> list[NDArray]:
+        """Return where each picture shows points, from its corner. Shape (N, 3) -> (N, 2) each."""
+        both = [self.rig.project(one.seen_at(p_FQ)) for one in self.standpoints]
+        return [both[v.look][:, 2 * v.side : 2 * v.side + 2] - v.corner for v in self.views]
 
-    def slopes(self, p_WQ: NDArray) -> list[tuple[NDArray, NDArray]]:
-        """Return how their pixels move by points, (N, 2, 3), mirror and cameras, (N, 2, 3 + c)."""
-        both = [reflected_projection(self.rig.cameras, m.values, p_WQ) for m in self.mirrors]
-        by_rig = [self._by_cameras(mirror, p_WQ) for mirror in self.mirrors]
+    def slopes(self, p_FQ: NDArray) -> list[tuple[NDArray, NDArray]]:
+        """Return how their pixels move by points, (N, 2, 3), standpoint and cameras, (N, 2, k + c).
+
+        As the chain rule has it: a pixel moves with the place at which a point seems to be.
+        """
+        each = [self._slopes(one, p_FQ) for one in self.standpoints]
         found = []
         for v in self.views:
             own = slice(2 * v.side, 2 * v.side + 2)
-            by_value = [both[v.mirror].by_mirror[:, own], by_rig[v.mirror][:, own]]
-            found.append((both[v.mirror].by_point[:, own], np.concatenate(by_value, axis=2)))
+            found.append((each[v.look][0][:, own], each[v.look][1][:, own]))
         return found
 
-    def _by_cameras(self, mirror: Mirror, p_WQ: NDArray) -> NDArray:
-        """Return how pixels of reflections move by what may be wrong. Shape (N, 4, c)."""
-        behind = reflect(mirror.plane_in(self.rig.left.X_WC), p_WQ)
-        p_LQ = apply(self.rig.left.X_CW, behind)
+    def _slopes(self, standpoint: Standpoint, p_FQ: NDArray) -> tuple[NDArray, NDArray]:
+        """Return the slopes of both cameras' pixels in one look. (N, 4, 3) and (N, 4, k + c)."""
+        places = standpoint.seen_at(p_FQ)
+        # What cannot be seen needs no slopes, and is taken to be somewhere before the cameras.
+        places = np.where(np.isfinite(places), places, self.rig.left.X_WC[:3, 2])
+        by_place = projected(self.rig.cameras, places)[1]
+        by_point, by_value = standpoint.slopes(p_FQ)
+        p_LQ = apply(self.rig.left.X_CW, places)
         by_rig = project_to_cameras(p_LQ.T, self.rig.values, self.rig.lenses)[2]
-        return by_rig[[self.rig.names.index(name) for name in self.cameras]].transpose(2, 1, 0)
+        by_camera = by_rig[[self.rig.names.index(name) for name in self.cameras]].transpose(2, 1, 0)
+        return by_place @ by_point, np.concatenate([by_place @ by_value, by_camera], axis=2)
 
     def centers(self) -> NDArray:
-        """Return where the reflected cameras are [m]. Shape (views, 3)."""
-        twins = [MirrorRig(self.rig, mirror).virtual.cameras for mirror in self.mirrors]
-        return np.array([twins[v.mirror][v.side].X_WC[:3, 3] for v in self.views])
+        """Return from where the cameras seem to look [m]. Shape (views, 3)."""
+        cameras = self.rig.cameras
+        return np.array(
+            [self.standpoints[v.look].seen_from(cameras[v.side].X_WC[:3, 3]) for v in self.views]
+        )
 
     def shown(self, mesh: TriangleMesh) -> NDArray:
         """Return which vertices each picture shows, turned to it, inside of the outline.
@@ -141,6 +172,20 @@ def sampled(image: NDArray, pixels: NDArray) -> NDArray:
     found = upper * (1.0 - v) + lower * v
     found[~inside] = np.nan
     return found.reshape(len(pixels), *image.shape[2:])
+
+
+def slope_of(image: NDArray, pixels: NDArray) -> NDArray:
+    """Return the slopes of an image by u and v between pixels, from neighbours on both sides.
+
+    Args:
+        image: Shape (h, w) or (h, w, c).
+        pixels: u and v. Shape (N, 2).
+
+    Returns:
+        nan next to the picture's edge. Shape (N, 2) or (N, c, 2).
+    """
+    sides = [[sampled(image, pixels + s * step) for s in (1.0, -1.0)] for step in np.eye(2)]
+    return np.stack([0.5 * (after - before) for after, before in sides], axis=-1)
 
 
 def nearest_of(image: NDArray, pixels: NDArray) -> NDArray:

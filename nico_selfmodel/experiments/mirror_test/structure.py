@@ -12,7 +12,6 @@ from nico_selfmodel.geometry.solids.solid import Solid, distance_to_solids, norm
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
 from nico_selfmodel.model.cameras.mirror import Mirror
-from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.model.shape.link_shape import BodyShape
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 from nico_selfmodel.sessions.mirrors.acquaintance import rendered
@@ -86,7 +85,7 @@ def run_structure(robots: Sequence[Knowing], progress: Stage | None = None) -> S
             continue
         found += judged(known, shape, surfaces)
         shapes[known.robot.seed] = shape.body
-        count = len(shape.all.mirrors)
+        count = len(shape.all.standpoints)
     return StructureStage(tuple(found), count, tuple(refused), MappingProxyType(shapes))
 
 
@@ -102,7 +101,8 @@ def judged(known: Knowing, shape: LearnedShape, surfaces: Surfaces) -> list[Link
     tree = KinematicTree.from_urdf(nico.arm.urdf)
     names = np.array([carried(tree, name, WHOLE) for name in names])
     first = truth.mirror(known.before.views[MIRROR].X_BM)
-    centers = _centers(truth, shape.all.mirrors)
+    cameras = [camera.X_WC[:3, 3] for camera in truth.rig.cameras]
+    centers = np.array([one.seen_from(p) for one in shape.all.standpoints for p in cameras])
     found = []
     for link, whole in shape.body.links.items():
         own = whole.seen_part
@@ -140,12 +140,6 @@ def _posed(surfaces: Surfaces) -> tuple[list[Solid], NDArray]:
     ]
     names = [link for link, (surface, _) in surfaces.items() for _ in surface.solids]
     return solids, np.array(names)
-
-
-def _centers(truth: GroundTruth, mirrors: Sequence[Mirror]) -> NDArray:
-    """Return where reflected cameras are [m]. Shape (2 M, 3)."""
-    rigs = [MirrorRig(truth.rig, mirror).virtual for mirror in mirrors]
-    return np.array([camera.X_WC[:3, 3] for rig in rigs for camera in rig.cameras])
 
 
 def _covered(

@@ -48,9 +48,7 @@ def with_cameras(
         Names of what may be wrong of the cameras, c of them, and the covariance. Shape (n + c,
         n + c).
     """
-    names = model.rig.names
-    loose = np.diag(covariance_of(model, names)) > 0.0
-    cameras = tuple(name for name, free in zip(names, loose, strict=True) if free)
+    cameras = loose_cameras(model)
     together = covariance_of(model, (*_names_of(mirrors), *cameras))
     n, planes = len(own), 3 * len(mirrors)
     matrix = np.zeros((n + len(cameras),) * 2)
@@ -58,6 +56,13 @@ def with_cameras(
     matrix[n:, :planes] = together[planes:, :planes]
     matrix[:planes, n:] = together[:planes, planes:]
     return cameras, matrix
+
+
+def loose_cameras(model: SelfModel) -> tuple[str, ...]:
+    """Return the names of what may be wrong of the cameras."""
+    names = model.rig.names
+    loose = np.diag(covariance_of(model, names)) > 0.0
+    return tuple(name for name, free in zip(names, loose, strict=True) if free)
 
 
 def mirrors_and_cameras(

@@ -1,6 +1,6 @@
 """From pictures in many mirrors to the shape of each link that stands still."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -10,9 +10,18 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.mirrors.mark_place import GATE_3
 from nico_selfmodel.estimation.shape.fair_surface import Neighbours
 from nico_selfmodel.estimation.shape.fusion import DepthView, first_surface
-from nico_selfmodel.estimation.shape.refinement import RefinedSurface, refine_surface, well_shown
+from nico_selfmodel.estimation.shape.refinement import (
+    STEPS,
+    RefinedSurface,
+    Step,
+    moved,
+    refine_surface,
+    well_shown,
+)
 from nico_selfmodel.estimation.shape.shape_views import ShapeView, ShapeViews
+from nico_selfmodel.estimation.shape.standpoints import InMirror
 from nico_selfmodel.geometry.transform import apply, inverse
+from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
 from nico_selfmodel.geometry.voxel_grid import VoxelGrid
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.self_model import SelfModel
@@ -146,21 +155,14 @@ def learn_shape(
     near = skeleton.within(grid.points, wanted, REACH)
     mesh = first_surface(grid, near, views, depths)
 
-    @lru_cache(maxsize=2)  # what is compared and what slopes are taken of; each takes 100 MB
-    def blurred(sigma: float) -> ShapeViews:
-        # nan is not below 0: what is neither body nor room does not count.
-        smooth = [
-            replace(v, picture=smoothed_within(v.picture, v.beyond < _BODY, sigma))
-            for v in views.views
-        ]
-        return replace(views, views=tuple(smooth))
-
-    found = refine_surface(mesh, blurred, rng, telling(stage, "learning its shape"))
-    trusted = [name for name, one in zip(looks.mirrors, moved(views, found), strict=True)
-               if one < GATE_3]  # fmt: skip
+    found = refined(views, mesh, rng, telling(stage, "learning its shape"))
+    values = np.concatenate([one.values for one in found.standpoints])
+    trusted = [
+        name for name, one in zip(looks.mirrors, moved(views, values), strict=True) if one < GATE_3
+    ]
     if FEWEST_MIRRORS <= len(trusted) < len(looks.mirrors):
         return learn_shape(looks.only(trusted), model, skeleton, poses, wanted, rng, stage)
-    links = _links(found, skeleton, poses, wanted)
+    links = links_of(found, skeleton, poses, wanted)
     return LearnedShape(BodyShape(links, {link: poses[link] for link in links}), found)
 
 
@@ -190,8 +192,8 @@ def outlined(looks: ShapeLooks, model: SelfModel, skeleton: Skeleton) -> ShapeVi
         for side, (picture, arm) in enumerate(zip(shot.pictures, looks.covered[k], strict=True))
     ]
     cameras, covariance = mirrors_and_cameras(model, tuple(looks.mirrors))
-    mirrors = tuple(looks.mirrors.values())
-    return ShapeViews(tuple(views), model.rig, mirrors, cameras, covariance)
+    standpoints = [InMirror(mirror, model.rig.left.X_WC) for mirror in looks.mirrors.values()]
+    return ShapeViews(tuple(views), model.rig, tuple(standpoints), cameras, covariance)
 
 
 def _beyond_by_depth(
@@ -222,25 +224,41 @@ def _depths(looks: ShapeLooks, views: ShapeViews) -> list[DepthView]:
     return found
 
 
-def moved(views: ShapeViews, found: RefinedSurface) -> list[float]:
-    """Return how far pictures moved each mirror from where the hand told it.
+def refined(
+    views: ShapeViews,
+    mesh: TriangleMesh,
+    rng: np.random.Generator,
+    progress: Callable[[int, int], None] | None = None,
+    steps: Sequence[Step] = STEPS,
+    gate: float = np.inf,
+) -> RefinedSurface:
+    """Return what all pictures make of a first surface; blur mixes only what shows the body."""
 
-    The chi-square is of three degrees of freedom. Pictures lead no farther than they are blurred:
-    of a mirror that the hand told much worse than it says they find another place, and all that
-    they show in it is wrong.
-    """
-    off = np.reshape([one.values for one in found.mirrors], (-1, 3)) - views.values.reshape(-1, 3)
-    own = [views.covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] for k in range(len(off))]
-    return [float(d @ np.linalg.solve(P, d)) for d, P in zip(off, own, strict=True)]
+    @lru_cache(maxsize=2)  # what is compared and what slopes are taken of; each takes 100 MB
+    def blurred(sigma: float) -> ShapeViews:
+        # nan is not below 0: what is neither body nor room does not count.
+        smooth = [
+            replace(v, picture=smoothed_within(v.picture, v.beyond < _BODY, sigma))
+            for v in views.views
+        ]
+        return replace(views, views=tuple(smooth))
+
+    return refine_surface(mesh, blurred, rng, progress, steps, gate)
 
 
-def _links(
+def links_of(
     found: RefinedSurface,
     skeleton: Skeleton,
     poses: Mapping[str, NDArray],
     wanted: Sequence[str],
 ) -> dict[str, LinkShape]:
-    """Give each place to the link whose lines are nearest."""
+    """Give each place to the link whose lines are nearest.
+
+    Args:
+        skeleton: Lines in the frame of the surface.
+        poses: Link -> its pose in that frame. Shape (4, 4) each.
+        wanted: Links whose places are kept.
+    """
     nearest = np.argmin(skeleton.distances(found.mesh.vertices), axis=1)
     seen = claimed(found)
     names, shapes = np.array(skeleton.links)[nearest], {}

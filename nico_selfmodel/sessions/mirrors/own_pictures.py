@@ -73,6 +73,11 @@ def look_at_own_pictures(
         DataError: If the recording has no pictures in these mirrors, or they show something else.
         EstimationError: If hardly anything of the body is in view.
     """
+    if not model.mirrors:
+        raise ModelError(
+            f"self-model {model.name!r} has no mirror: learn it with `nico-selfmodel calibrate "
+            "mirror`"
+        )
     robot = described(model)
     samples, shots = own_shots(model, data, folder, most)
     _require_own_hand(model, data)
@@ -150,11 +155,6 @@ def pictures_of(model: SelfModel, folder: Path, pose: int) -> tuple[NDArray, NDA
 
 def described(model: SelfModel) -> ArmDescription:
     """Return the description that tells shape and colours."""
-    if not model.mirrors:
-        raise ModelError(
-            f"self-model {model.name!r} has no mirror: learn it with `nico-selfmodel calibrate "
-            "mirror`"
-        )
     robot = ArmDescription.of_model(model)
     if robot is None:
         raise ModelError(

@@ -107,13 +107,27 @@ def beyond_body(picture: NDArray, room: NDArray, noise: float) -> NDArray:
     own, strange = _split(other & ~beside, other)
     if not own.any():
         raise EstimationError("nothing stands before the room: is the robot in the mirror?")
-    fine = cv2.resize(
-        _share(picture, color, own), None, fx=_FINE, fy=_FINE, interpolation=cv2.INTER_LINEAR
-    )
+    signed = np.full(own.shape, _FAR, np.float32)
+    near = _about(own)
+    signed[near] = _signed(_share(picture[near], color, own[near]))
+    return np.where(strange, np.nan, np.clip(signed, -_FAR, _FAR)).astype(np.float32)
+
+
+def _about(own: NDArray) -> tuple[slice, slice]:
+    """Return the part of a picture in which distances from a body are told apart."""
+    margin = int(_FAR) + 2
+    sides = [np.flatnonzero(own.any(axis=axis)) for axis in (1, 0)]
+    rows, columns = (slice(max(0, s[0] - margin), s[-1] + margin + 1) for s in sides)
+    return rows, columns
+
+
+def _signed(share: NDArray) -> NDArray:
+    """Return how far pixels are outside of where half of them shows the body [px]. (h, w)."""
+    fine = cv2.resize(share, None, fx=_FINE, fy=_FINE, interpolation=cv2.INTER_LINEAR)
     inside = (fine > 0.5).astype(np.uint8)
     away = [cv2.distanceTransform(one, cv2.DIST_L2, 5) for one in (1 - inside, inside)]
-    signed = cv2.resize(away[0] - away[1], own.shape[::-1], interpolation=cv2.INTER_AREA) / _FINE
-    return np.where(strange, np.nan, np.clip(signed, -_FAR, _FAR)).astype(np.float32)
+    apart = cv2.resize(away[0] - away[1], share.shape[::-1], interpolation=cv2.INTER_AREA)
+    return apart / _FINE
 
 
 def _at_corners(dark: NDArray) -> NDArray:

@@ -1,12 +1,12 @@
-"""The report on mirrors that were learned from the reflected hand."""
+"""The report on mirrors that were learned from the reflected hand, and on the shape of links."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.shape.link_shape import BodyShape
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.figures.numbers_shown import decimals
@@ -136,10 +136,53 @@ def shape_report(
         robot: The robot that looked, if it is known.
     """
     told = mirror_report(calibration, document, robot=robot)
-    found, X_SW = document["shape"], upright(calibration.model, robot)
+    mirrors = parts.section("The mirrors", *told.learned, id="mirrors")
+    sections = (mirrors, *told.sections)
+    return _shape_report(
+        calibration.model, shape, document, robot, "mirrors", sections, told.residuals
+    )
+
+
+def arm_shape_report(
+    model: SelfModel,
+    shape: BodyShape,
+    document: Mapping[str, Any],
+    robot: "ArmDescription | None" = None,
+) -> Report:
+    """Return the shape of links that pictures of a moving arm told.
+
+    Args:
+        model: The arm and its cameras.
+        shape: What was learned.
+        document: `estimation.judging.to_json` of it, and `shape`.
+        robot: The robot, if it is known.
+    """
+    errors = shared_sections.errors_section(
+        document,
+        (
+            error_table(held_out(document, "pixels"), "hand [px]", 2, "n"),
+            "Distance of each observed hand from where the arm expects it, each camera counted "
+            "by itself: what joints were off by, of which the shape was freed pose by pose.",
+        ),
+        few="of a shape",
+    )
+    return _shape_report(model, shape, document, robot, "poses", (errors,))
+
+
+def _shape_report(
+    model: SelfModel,
+    shape: BodyShape,
+    document: Mapping[str, Any],
+    robot: "ArmDescription | None",
+    seen_in: str,
+    sections: tuple[parts.Section, ...],
+    residuals: str = "",
+) -> Report:
+    """Return the report on a shape: what was seen of each link, and what else there is to tell."""
+    found, X_SW = document["shape"], upright(model, robot)
     links = found["links"].values()
-    seen = [one.sigma[one.seen] for one in shape.links.values()]
-    sigma = 1e3 * float(np.median(np.concatenate(seen)))
+    seen = np.concatenate([one.sigma[one.seen] for one in shape.links.values()])
+    sigma = f"{1e3 * float(np.median(seen)):.1f} mm" if len(seen) else "nothing seen"
     note = (
         f"{sum(one['seen'] for one in links)} of {sum(one['vertices'] for one in links)} vertices"
     )
@@ -149,16 +192,16 @@ def shape_report(
         for link, one in found["links"].items()
     )  # fmt: skip
     table = Table(("link", "vertices", "seen", "sigma, median [mm]"), rows)
-    front = X_SW[:3, :3] @ calibration.model.rig.left.X_WC[:3, 2]
-    mirrors = parts.section("The mirrors", *told.learned, id="mirrors")
-    return replace(
-        told,
-        about=f"The outer shape of {' and '.join(found['links'])}, seen in {found['mirrors']} "
-        "mirrors",
-        key=Key(f"{sigma:.1f} mm", "standard deviation of a place seen, median", f"{note} seen"),
-        scene=shape_scene(calibration.model.name, shape, X_SW, front),
-        learned=(parts.numbers(table), parts.hint(_SHAPE)),
-        sections=(mirrors, *told.sections),
+    front = X_SW[:3, :3] @ model.rig.left.X_WC[:3, 2]
+    return Report(
+        model.name,
+        f"The outer shape of {' and '.join(found['links'])}, seen in {found[seen_in]} {seen_in}",
+        document,
+        Key(sigma, "standard deviation of a place seen, median", f"{note} seen"),
+        sections,
+        shape_scene(model.name, shape, X_SW, front),
+        (parts.numbers(table), parts.hint(_SHAPE)),
+        residuals,
     )
 
 

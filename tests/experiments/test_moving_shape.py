@@ -1,0 +1,123 @@
+"""The shape of links that an arm moves, from a recording of one's own."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.errors import DataError, EstimationError
+from nico_selfmodel.estimation.noise.joints_by_hand import joints_by_hand
+from nico_selfmodel.model.cameras.mirror_rig import projected
+from nico_selfmodel.model.self_model_file import save_model
+from nico_selfmodel.model.shape.shape_folder import load_shape
+from nico_selfmodel.plant.kinematic_tree import KinematicTree
+from nico_selfmodel.sessions.shapes.moving_shape import shape_of_arm
+from nico_selfmodel.sessions.shapes.rigid_body import RigidBody, all_move, moving_with
+from nico_selfmodel.systems.looking import touching_arm
+
+from ..cli.one_line import assert_one_clear_line
+from .test_own_pictures import empty, kept, nico, poses, true_model
+
+HAND = {"right_lower_forearm", "right_hand", "right_index_finger", "right_three_fingers"}
+
+
+def seeing():
+    """Return the true model, which knows its noise, without a mirror."""
+    fit = {"joint_sigma_rad": 1e-3}
+    return replace(true_model(), mirrors={}, fit=fit, pixel_sigma=0.1)
+
+
+def test_links_between_joints_that_move_are_one_body():
+    tree = KinematicTree.from_urdf(nico().arm.urdf)
+    four, six = nico().arm.joints, touching_arm("fiducial").joints
+    assert moving_with(tree, four, "right_hand") > {*HAND, "right_forearm"}
+    assert moving_with(tree, four, "right_forearm") == moving_with(tree, four, "right_hand")
+    assert "right_elbow_yoke" not in moving_with(tree, four, "right_forearm")
+    assert moving_with(tree, six, "right_forearm") == {"right_forearm"}
+    assert "right_lower_forearm" not in moving_with(tree, six, "right_hand")
+
+
+def test_a_body_has_lines_to_the_joints_beyond_it_and_the_links_that_are_asked_for():
+    tree = KinematicTree.from_urdf(nico().arm.urdf)
+    at = {name: np.eye(4) for name in tree.links}
+    for k, name in enumerate(tree.links):
+        at[name][2, 3] = 0.01 * k
+    joints = touching_arm("fiducial").joints
+    forearm, hand = RigidBody.of(tree, joints, ("right_forearm", "right_hand"), at)
+    assert (forearm.frame, forearm.wanted) == ("right_forearm", ("right_forearm",))
+    assert forearm.skeleton.links == ("right_forearm",)
+    assert set(hand.skeleton.links) == {"right_hand"}
+    (both,) = RigidBody.of(tree, nico().arm.joints, ("right_forearm", "right_hand"), at)
+    assert both.wanted == ("right_forearm", "right_hand")
+    assert {"right_forearm", "right_hand"} <= set(both.skeleton.links)
+
+
+def test_links_that_move_and_links_that_stand_are_learned_one_after_the_other():
+    assert all_move(seeing(), ["right_forearm", "right_hand"])
+    assert not all_move(seeing(), ["head", "chest"])
+    with pytest.raises(ValueError, match="right_hand moves with the arm and head stands still"):
+        all_move(seeing(), ["head", "right_hand"])
+    with pytest.raises(ValueError, match="left_wing"):
+        all_move(seeing(), ["left_wing"])
+
+
+def test_the_hand_tells_what_joints_were_off_by_and_how_well():
+    model, off = replace(seeing(), pixel_sigma=0.01), np.array([0.0, 1e-3, -1e-3, 5e-4])
+    data = poses(mirror="")
+    q = model.servos.to_joint(data.encoders)
+    data = replace(data, pixels=projected(model.rig.cameras, model.points(q + off))[0])
+    told = joints_by_hand(model, data)
+    before, after = (np.linalg.norm(model.points(q + one) - model.points(q + off), axis=1)
+                     for one in (0.0, told.off))  # fmt: skip
+    assert (after < 0.2 * before).all()
+    sigma = np.sqrt(np.diagonal(told.covariance, axis1=1, axis2=2))
+    assert (sigma < 1.0001e-3).all()
+    assert sigma.min() < 0.8e-3
+    assert told.expected.all()
+    assert not joints_by_hand(model, replace(data, pixels=data.pixels + 30.0)).expected.any()
+
+
+def test_a_recording_that_tells_no_moving_link_says_why(tmp_path, command):
+    model, rng = seeing(), np.random.default_rng(0)
+    folder = kept(tmp_path / "own", poses(mirror=""), empty())
+    with pytest.raises(EstimationError, match="a shape takes 15: record more"):
+        shape_of_arm(model, poses(mirror=""), folder, ["right_forearm"], rng)
+    with pytest.raises(DataError, match="seen in no pose without a mirror"):
+        shape_of_arm(model, poses(), folder, ["right_forearm"], rng)
+    with pytest.raises(DataError, match="no pictures were kept"):
+        shape_of_arm(model, poses(mirror=""), tmp_path, ["right_forearm"], rng)
+    save_model(model, tmp_path / "model.yaml")
+    words = ("calibrate", "shape", folder, "--model", tmp_path / "model.yaml", "--out")
+    done = command(*words, tmp_path / "out", "--link", "right_forearm")
+    assert_one_clear_line(done, "a shape takes 15")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_a_forearm_has_its_shape_by_the_commands_of_the_guide(tmp_path, command):
+    model, looks, out = tmp_path / "model.yaml", tmp_path / "looks", tmp_path / "shaped"
+    save_model(seeing(), model)
+    recorded = command(
+        *("record", "--cameras", model, "--seed", 2, "--imperfections", "clean", "--circle", 0),
+        *("--random", 24, "--images", "--out", looks),
+    )
+    assert recorded.returncode == 0, recorded.stderr
+    words = ("calibrate", "shape", looks, "--model", model, "--link", "right_forearm")
+    done = command(*words, "--test-fraction", 0.1, "--out", out)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "shape of right_forearm, in " in done.stdout
+    assert json.loads((out / "result.json").read_text())["shape"]["poses"] > 15
+    forearm = load_shape(out / "body").links["right_forearm"]
+    assert forearm.seen.sum() > 200
+    with nico().station(0) as station:
+        true = station.surfaces_true(station.CreateDefaultContext())
+    arm = {name: one for name, one in true.items() if name in {*HAND, "right_forearm"}}
+    X_FL = np.linalg.inv(true["right_forearm"][1])
+    p_LQ = forearm.mesh.vertices[forearm.seen] @ np.linalg.inv(X_FL)[:3, :3].T
+    p_LQ = p_LQ + np.linalg.inv(X_FL)[:3, 3]
+    off = np.min(
+        [surface.distance((p_LQ - X[:3, 3]) @ X[:3, :3]) for surface, X in arm.values()],
+        axis=0,
+    )
+    assert np.median(np.abs(off)) < 2e-3
