@@ -110,7 +110,7 @@ def test_a_session_without_sweeps_has_random_poses_alone():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", reversed(ARMS))
+@pytest.mark.parametrize("name", ARMS)
 def test_a_clean_arm_is_learned_to_the_resolution_of_its_encoders(name):
     arm = ArmDescription.named("nico", name)
     protocol = replace(SweepProtocol.for_arm(arm), random_poses=40)

@@ -87,7 +87,7 @@ def test_no_sampling_and_too_much_of_it_are_refused():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "window",
-    map(pytest.param, [(300, 200, 500, 420), (0, 0, 64, 64), (700, 500, 702, 501)]),
+    [(300, 200, 500, 420), (0, 0, 64, 64), (700, 500, 702, 501)],
 )
 @pytest.mark.parametrize("k1", [-0.28, -0.6])
 def test_a_part_of_a_picture_is_bent_as_the_whole_is(window, k1):
