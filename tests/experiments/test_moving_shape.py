@@ -12,7 +12,7 @@ from nico_selfmodel.model.cameras.mirror_rig import projected
 from nico_selfmodel.model.self_model_file import save_model
 from nico_selfmodel.model.shape.shape_folder import load_shape
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
-from nico_selfmodel.sessions.shapes.moving_shape import shape_of_arm
+from nico_selfmodel.sessions.shapes.moving_shape import room_color, shape_of_arm
 from nico_selfmodel.sessions.shapes.rigid_body import RigidBody, all_move, moving_with
 from nico_selfmodel.systems.looking import touching_arm
 
@@ -92,6 +92,17 @@ def test_a_recording_that_tells_no_moving_link_says_why(tmp_path, command):
     done = command(*words, tmp_path / "out", "--link", "right_forearm")
     assert_one_clear_line(done, "a shape takes 15")
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("rows", "plain"), [(31, True), (29, False)])
+def test_a_plain_room_covers_three_tenths_of_a_picture(rows, plain):
+    picture = np.random.default_rng(0).integers(0, 255, (100, 100, 3)).astype(np.uint8)
+    picture[:rows] = [92, 102, 110]
+    if plain:
+        np.testing.assert_allclose(room_color(picture), [92.0, 102.0, 110.0], atol=0.5)
+    else:
+        with pytest.raises(EstimationError, match=r"29 % of a picture .* must be plain"):
+            room_color(picture)
 
 
 @pytest.mark.slow

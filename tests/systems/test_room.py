@@ -1,5 +1,6 @@
-"""Cards in the room about a simulated Nico are seen where they hang."""
+"""The room about a simulated Nico: cards are seen where they hang, walls have paper."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -14,6 +15,15 @@ from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
 from nico_selfmodel.systems.stations.whole_nico import WholeNico
 from nico_selfmodel.systems.tracking import shared_search
+from nico_selfmodel.vision.printed_pattern import wallpaper_png
+
+
+def test_wallpaper_is_the_same_for_the_same_seed_and_nowhere_plain():
+    papers = [wallpaper_png((1.0, 1.0), seed) for seed in (0, 0, 1)]
+    assert papers[0] == papers[1] != papers[2]
+    picture = cv2.imdecode(np.frombuffer(papers[0], np.uint8), cv2.IMREAD_COLOR)
+    assert picture.shape == (250, 250, 3)
+    assert min(picture[k::4].std() for k in range(4)) > 25.0
 
 
 @pytest.mark.slow

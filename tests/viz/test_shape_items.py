@@ -2,10 +2,12 @@
 
 import base64
 import json
+from dataclasses import replace
 
 import numpy as np
 
 from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.shape.link_shape import BodyShape
 from nico_selfmodel.viz.live.static_page import static_html
 from nico_selfmodel.viz.live.surface_mesh import surface_gltf
 from nico_selfmodel.viz.scene.robot.shape_items import NEVER_SEEN, with_shape
@@ -42,6 +44,15 @@ def test_what_was_never_seen_is_grey_and_the_rest_has_its_colours():
     assert np.ptp(NEVER_SEEN) < 0.06  # grey
     labels = [entry.label for entry in with_shape(scene(), shape, X_SW).legend]
     assert labels == ["head as learned, in the colours seen", "parts of head that were never seen"]
+
+
+def test_the_legend_of_a_grey_body_tells_what_was_seen_from_what_was_not():
+    shape = ball_body("head")
+    head = shape.links["head"]
+    colors = np.where(np.arange(len(head.seen))[:, None] % 3, NEVER_SEEN, [0.9, 0.88, 0.82])
+    grey = replace(head, colors=np.where(head.seen[:, None], colors, head.colors))
+    told, never = with_shape(scene(), BodyShape({"head": grey}, shape.X_WF), X_SW).legend
+    assert np.abs(np.subtract(told.color, never.color)).max() > 0.2
 
 
 def test_a_scene_with_a_shape_survives_the_round_trip_and_is_drawn():

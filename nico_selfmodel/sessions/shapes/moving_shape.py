@@ -136,7 +136,7 @@ class _Seen:
         beyond = [
             np.where(look.covered(image, rigid.links, side), np.nan, outside)
             for side, picture in enumerate(look.pictures)
-            for outside in [beyond_body(picture, _plain(picture), noise[side])]
+            for outside in [beyond_body(picture, room_color(picture), noise[side])]
         ]
         pixels = rig.project(rigid.corners(X_WF))
         self.views.extend(
@@ -182,7 +182,7 @@ class _Seen:
         return replace(views, views=tuple(loose))
 
 
-def _plain(picture: NDArray) -> NDArray:
+def room_color(picture: NDArray) -> NDArray:
     """Return the colour of a plain room, which most of a picture shows.
 
     Raises:

@@ -47,6 +47,7 @@ class LensPart:
     """A number of a lens that the recording contradicts."""
 
     camera: str
+    """Whose lens."""
     part: str
     """One of `NUMBERS`, `FOCAL` or `SIZE`."""
     gain: float

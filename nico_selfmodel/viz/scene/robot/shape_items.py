@@ -70,8 +70,11 @@ def shape_items(shape: BodyShape, X_SW: NDArray) -> list[Surface]:
 
 def _shape_legend(shape: BodyShape) -> list[LegendEntry]:
     """Return what the surfaces and their grey parts are."""
-    seen = [own.colors[own.seen] for own in shape.links.values() if own.seen.any()]
-    red, green, blue = np.median(np.concatenate(seen), axis=0) if seen else NEVER_SEEN
+    seen = np.concatenate([own.colors[own.seen] for own in shape.links.values()])
+    apart = np.linalg.norm(seen - NEVER_SEEN, axis=1)
+    # Of a grey body what is least like the grey of what was never seen tells the two entries apart.
+    told = seen[apart >= np.quantile(apart, 0.9)] if len(seen) else np.array([NEVER_SEEN])
+    red, green, blue = np.median(told, axis=0)
     links = " and ".join(shape.links)
     return [
         LegendEntry(f"{links} as learned, in the colours seen", (red, green, blue, 1.0)),
