@@ -166,8 +166,8 @@ def test_plain_paint_that_darkens_aside_looks_deeper_the_more_it_is_blurred():
         found = PictureEquations.of(mesh, blurred(views, levels), blurred(views, 1.5))
         told = (found.looks >= 6) & (views.facing(mesh).max(axis=0) > 0.5)
         asked.append(found.pull[told].sum() / found.own[told].sum())
-    assert asked[0] < -0.08e-3
-    assert abs(asked[1]) < 0.05e-3
+    assert asked[0] < -0.2e-3
+    assert abs(asked[1]) < 0.1e-3  # as pictures have it: no outline that lies too far out hides it
 
 
 def test_surface_and_mirrors_move_at_once_as_a_dense_solution_says():
@@ -279,8 +279,20 @@ def test_conjugate_gradients_solve_what_a_dense_matrix_solves():
     )
 
 
+def test_pictures_that_disagree_are_as_much_more_uncertain_and_smoothness_is_not():
+    mesh = ball(0.03, 0.015)
+    fair, size = fair_of(mesh, 1e-3), len(mesh.vertices)
+    own = np.where(mesh.vertices[:, 0] > CENTER[0], 1e7, 1e5)  # of which the second hardly counts
+    bent = fair.bent(np.eye(size)) / 1e-3
+    inverse = np.linalg.inv(np.diag(own) + bent.T @ bent)
+    for worse in (np.ones(size), np.full(size, 9.0)):
+        known = np.diag(inverse @ (np.diag(worse * own) + bent.T @ bent) @ inverse)
+        drawn = fair.drawn(own, np.random.default_rng(0), 1000, 300, worse)
+        np.testing.assert_allclose(np.mean(drawn**2, axis=1), known, rtol=0.2)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("start", [3e-4, 1e-3])
+@pytest.mark.parametrize("start", [6e-4, 1e-3])
 def test_each_patch_tells_how_much_it_bends_and_what_nobody_sees_tells_nothing(start):
     mesh, rng = ball(0.08), np.random.default_rng(7)
     aside = mesh.vertices[:, 0] - CENTER[0]

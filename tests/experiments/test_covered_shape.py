@@ -60,7 +60,7 @@ def test_a_covered_part_is_neither_body_nor_room(monkeypatch):
         ((arm, np.zeros_like(arm)),), room, (1.0, 1.0),
     )  # fmt: skip
     model = SimpleNamespace(rig=NICO_CAMERAS)
-    left, right = learned_shape.outlined(looks, model, None).views
+    left, right = learned_shape.outlined(looks, model, None, None, ()).views
     assert np.isnan(left.beyond[arm]).all()
     assert np.array_equal(left.beyond[~arm], right.beyond[~arm])
     assert np.isfinite(right.beyond).all()

@@ -22,8 +22,9 @@ PATCH = 20
 _NEARBY = 12
 """How often they are for how a surface bends nearby."""
 _CONVERGED = 1e-4
-_FEW, _BENDS = 0.01, (2e-4, 2e-3)
-"""Share of a patch that is too little to tell tau, and within what tau is looked for [m]."""
+_FEW, _BENDS = 0.01, (0.2, 2.0)
+"""Share of a patch that is too little to tell tau, and within what part of tau before it is looked
+for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,20 +117,31 @@ class FairSurface:
 
         return _conjugate_gradients(apply, right, 1.0 / (diagonal + 1.2 * weight), steps)
 
-    def drawn(self, diagonal: NDArray, rng: np.random.Generator, count: int, steps: int) -> NDArray:
-        """Return what a surface may be displaced by: draws of the covariance of `solved`.
+    def drawn(
+        self,
+        diagonal: NDArray,
+        rng: np.random.Generator,
+        count: int,
+        steps: int,
+        worse: float | NDArray = 1.0,
+    ) -> NDArray:
+        """Return what a surface may be displaced by, as `solved` finds it.
 
-        With A = D + M' tau^-2 M, A^-1 (D^(1/2) e + M' tau^-1 f) has the covariance A^-1.
+        With A = D + M' tau^-2 M, and pictures chi^2 times as uncertain as D says, which smoothness
+        is not, A^-1 (D^(1/2) chi e + M' tau^-1 f) has the covariance
+
+            A^-1 (chi^2 D + M' tau^-2 M) A^-1
 
         Args:
             diagonal: D, as in `solved`. Shape (V,).
             steps: Of the conjugate gradients.
+            worse: chi^2. Shape (V,).
 
         Returns:
             Shape (V, count).
         """
         e, f = rng.standard_normal((2, len(diagonal), count))
-        right = np.sqrt(diagonal)[:, None] * e + self.unbent(f / self.tau[:, None])
+        right = np.sqrt(worse * diagonal)[:, None] * e + self.unbent(f / self.tau[:, None])
         return self.solved(diagonal, right, steps)
 
     def told(self, drawn: NDArray, shown: NDArray, before: float) -> NDArray:
@@ -156,7 +168,7 @@ class FairSurface:
             np.column_stack([self.bend**2, told]) * shown[:, None], PATCH
         ).T
         tau = np.sqrt((bends + _FEW * before**2) / (known + _FEW))
-        return np.clip(tau, *_BENDS)
+        return np.clip(tau, _BENDS[0] * before, _BENDS[1] * before)
 
 
 def _conjugate_gradients(

@@ -58,8 +58,9 @@ MOVING_STEPS = (
 )
 """The same of a link that moves: each of many poses counts for little in what the others tell, so
 that they converge by themselves, and all at once is solved for tau and sigma alone."""
-_BEND_SIGMA = 1e-3
-"""By how much surfaces bend otherwise than nearby, over an edge of a mesh, until they tell [m]."""
+_BEND = 40.0
+"""By how much surfaces bend otherwise than nearby, until they tell, over the square of an edge of a
+mesh: by 1 mm where edges are of 5 mm [1/m]."""
 FEWEST = 10
 """Pictures that must show a place, and those next to it, for it to be claimed or tell of others."""
 _ODD = 100.0
@@ -125,13 +126,15 @@ def refine_surface(
     neighbours = Neighbours.of(mesh)
     before = replace(blurred(steps[0].levels), views=())  # whose pictures are not kept
     values, covariance = before.values, before.covariance
-    tau = np.full(len(mesh.vertices), _BEND_SIGMA)
+    edges = np.diff(mesh.vertices[mesh.edges], axis=1)
+    bend = _BEND * float(np.median(np.sum(edges**2, axis=2)))
+    tau = np.full(len(mesh.vertices), bend)
     sound = np.ones(len(before.standpoints), dtype=bool)
     for k, step in enumerate(steps):
         found, fair = _equations(mesh, neighbours, blurred, step, values, tau, sound)
         if step.mirrors == TOGETHER:
             drawn = fair.drawn(found.own, rng, _SAMPLES, _STEPS)
-            tau = fair.told(drawn, well_shown(found, neighbours), _BEND_SIGMA)
+            tau = fair.told(drawn, well_shown(found, neighbours), bend)
             fair = replace(fair, tau=tau)
             by, change, covariance = _together(before, values, found, fair)
         else:
@@ -239,12 +242,13 @@ def _sigma(
 ) -> NDArray:
     """Return the standard deviations of vertices along their normals [m]. Shape (V,).
 
-    They are those of A^-1 (`FairSurface.drawn`), and grow with the chi-square of the colours about
-    a vertex: what has other colours in other pictures than expected, as where light is mirrored, is
-    wrong beyond the vertices that show it. Where mirrors and cameras are wrong by y, the pictures
-    ask the surface for - A^-1 C y more, with C the coupling: with P the covariance of y
+    What pictures tell, D, is as much more uncertain as the colours about a vertex disagree, chi^2:
+    what has other colours in other pictures than expected, as where light is mirrored, is wrong
+    beyond the vertices that show it. Smoothness, M' tau^-2 M, is not. Where mirrors and cameras are
+    wrong by y, the pictures ask the surface for - A^-1 C y more, with C the coupling: with P the
+    covariance of y, and A = D + M' tau^-2 M
 
-        sigma^2 = chi^2 diag(A^-1) + diag(A^-1 C P C' A^-1)
+        sigma^2 = diag(A^-1 (chi^2 D + M' tau^-2 M) A^-1) + diag(A^-1 C P C' A^-1)
 
     P is what hand and pictures tell together.
 
@@ -254,10 +258,9 @@ def _sigma(
         covariance: P. Shape (3 M + c, 3 M + c).
     """
     smooth = fair.neighbours.smoothed
-    drawn = fair.drawn(found.own, rng, _SAMPLES, _STEPS)
-    alone = smooth(np.mean(drawn**2, axis=1), 3)
     shown = well_shown(found, fair.neighbours).astype(float)
-    agreeing = np.maximum(1.0, smooth(np.minimum(found.chi_square, _ODD), PATCH, shown))
+    disagreeing = np.maximum(1.0, smooth(np.minimum(found.chi_square, _ODD), PATCH, shown))
+    drawn = fair.drawn(found.own, rng, _SAMPLES, _STEPS, disagreeing)
     by_value = fair.solved(found.own, found.coupling, _STEPS)
     common = np.einsum("vi,ij,vj->v", by_value, covariance, by_value)
-    return np.sqrt(agreeing * alone + common)
+    return np.sqrt(smooth(np.mean(drawn**2, axis=1), 3) + common)

@@ -1,5 +1,6 @@
 """What both cameras saw of a body in many looks, and what of a surface each picture shows."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -83,6 +84,21 @@ class ShapeViews:
         """Return the same pictures with standpoints elsewhere, by their `values`."""
         both = zip(self.standpoints, self.parts, strict=True)
         return replace(self, standpoints=tuple(one.at(values[part]) for one, part in both))
+
+    def only(self, looks: Sequence[int]) -> "ShapeViews":
+        """Return some of the looks, numbered anew."""
+        number = {look: k for k, look in enumerate(looks)}
+        kept = np.concatenate(
+            [np.arange(self.parts[look].start, self.parts[look].stop) for look in looks]
+            + [np.arange(self.parts[-1].stop, len(self.covariance))]
+        )
+        views = [replace(v, look=number[v.look]) for v in self.views if v.look in number]
+        return replace(
+            self,
+            views=tuple(views),
+            standpoints=tuple(self.standpoints[look] for look in looks),
+            covariance=self.covariance[np.ix_(kept, kept)],
+        )
 
     def part(self, view: ShapeView) -> NDArray:
         """Return which of what the covariance is of a picture depends on. Shape (k + c,)."""

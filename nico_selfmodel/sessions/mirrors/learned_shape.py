@@ -148,29 +148,41 @@ def learn_shape(
     Raises:
         EstimationError: If no surface is found.
     """
-    views = outlined(looks, model, skeleton)
-    depths = _depths(looks, views)
+    pair = RectifiedPair.of(model.rig)
+    left = [pair.depth(shot.pictures, _NEAREST) for shot in looks.shots]
+    views = outlined(looks, model, skeleton, pair, left)
+    depths = _depths(views, pair, left)
     own = np.isin(skeleton.links, list(wanted))
     grid = VoxelGrid.about(skeleton.lines[own].reshape(-1, 3), REACH, _PITCH)
     near = skeleton.within(grid.points, wanted, REACH)
-    mesh = first_surface(grid, near, views, depths)
-
-    found = refined(views, mesh, rng, telling(stage, "learning its shape"))
-    values = np.concatenate([one.values for one in found.standpoints])
-    trusted = [
-        name for name, one in zip(looks.mirrors, moved(views, values), strict=True) if one < GATE_3
-    ]
-    if FEWEST_MIRRORS <= len(trusted) < len(looks.mirrors):
-        return learn_shape(looks.only(trusted), model, skeleton, poses, wanted, rng, stage)
+    while True:
+        mesh = first_surface(grid, near, views, depths)
+        found = refined(views, mesh, rng, telling(stage, "learning its shape"))
+        values = np.concatenate([one.values for one in found.standpoints])
+        trusted = np.flatnonzero(moved(views, values) < GATE_3).tolist()
+        if not FEWEST_MIRRORS <= len(trusted) < len(views.standpoints):
+            break
+        views = views.only(trusted)
+        depths = [replace(depths[look], look=k) for k, look in enumerate(trusted)]
     links = links_of(found, skeleton, poses, wanted)
     return LearnedShape(BodyShape(links, {link: poses[link] for link in links}), found)
 
 
-def outlined(looks: ShapeLooks, model: SelfModel, skeleton: Skeleton) -> ShapeViews:
+def outlined(
+    looks: ShapeLooks,
+    model: SelfModel,
+    skeleton: Skeleton,
+    pair: RectifiedPair,
+    left: Sequence[NDArray],
+) -> ShapeViews:
     """Return all pictures with outlines; what the arm may cover is of no body and no room.
 
     A hand before the chest has other colours in one picture than the chest in all others: that
     these disagree would count as an error of the chest.
+
+    Args:
+        left: What the left one of the pair sees of depths in each look, asked for where the room
+            is not plain [m]. Shape (h, w) each.
     """
     room = plain_color(looks.room)
     if all(
@@ -181,10 +193,9 @@ def outlined(looks: ShapeLooks, model: SelfModel, skeleton: Skeleton) -> ShapeVi
             for shot in looks.shots
         ]
     else:
-        pair = RectifiedPair.of(model.rig)
         beyond = [
-            _beyond_by_depth(shot, room, mirror, pair, skeleton)
-            for shot, mirror in zip(looks.shots, looks.mirrors.values(), strict=True)
+            _beyond_by_depth(shot, room, mirror, pair, skeleton, depth)
+            for shot, mirror, depth in zip(looks.shots, looks.mirrors.values(), left, strict=True)
         ]
     views = [
         ShapeView(k, side, picture, np.where(arm, np.nan, beyond[k][side]))
@@ -197,12 +208,17 @@ def outlined(looks: ShapeLooks, model: SelfModel, skeleton: Skeleton) -> ShapeVi
 
 
 def _beyond_by_depth(
-    shot: Shot, room: NDArray, mirror: Mirror, pair: RectifiedPair, skeleton: Skeleton
+    shot: Shot,
+    room: NDArray,
+    mirror: Mirror,
+    pair: RectifiedPair,
+    skeleton: Skeleton,
+    left: NDArray,
 ) -> list[NDArray]:
     """Return which pixels of both pictures show what is about the joints, and what is not."""
     found = []
     for side, picture in enumerate(shot.pictures):
-        depth = pair.depth(shot.pictures, _NEAREST, side)
+        depth = pair.depth(shot.pictures, _NEAREST, side) if side else left
         v, u = np.nonzero(np.isfinite(depth))
         p_WQ = mirror.reflect(pair.points(depth[v, u], np.stack([u, v], axis=1), side))
         near = skeleton.within(p_WQ, skeleton.links, REACH)
@@ -213,12 +229,10 @@ def _beyond_by_depth(
     return found
 
 
-def _depths(looks: ShapeLooks, views: ShapeViews) -> list[DepthView]:
-    """Return what both cameras together tell of depths in each mirror."""
-    pair = RectifiedPair.of(views.rig)
+def _depths(views: ShapeViews, pair: RectifiedPair, left: Sequence[NDArray]) -> list[DepthView]:
+    """Return what both cameras together tell of the body's depths in each mirror."""
     found = []
-    for k, shot in enumerate(looks.shots):
-        depth = pair.depth(shot.pictures, _NEAREST)
+    for k, depth in enumerate(left):
         inside = pair.bent(views.views[2 * k].beyond, 0) < _INSIDE
         found.append(DepthView(k, pair.turned[0], np.where(inside, depth, np.nan)))
     return found

@@ -1,6 +1,6 @@
 """A Nico that looks at its head and chest in many mirrors, to learn their shape."""
 
-from collections.abc import Collection, Mapping, Sequence, Sized
+from collections.abc import Mapping, Sequence, Sized
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -61,16 +61,6 @@ class ShapeLooks:
     """What the left camera sees without a mirror, BGR. Shape (h, w, 3)."""
     noise: tuple[float, float]
     """Standard deviation of a grey level, of each camera."""
-
-    def only(self, names: Collection[str]) -> "ShapeLooks":
-        """Return the looks into some of the mirrors."""
-        kept = [k for k, name in enumerate(self.mirrors) if name in names]
-        return replace(
-            self,
-            mirrors=MappingProxyType({n: m for n, m in self.mirrors.items() if n in names}),
-            shots=tuple(self.shots[k] for k in kept),
-            covered=tuple(self.covered[k] for k in kept),
-        )
 
 
 def tell_mirrors(
