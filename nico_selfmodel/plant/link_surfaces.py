@@ -1,6 +1,7 @@
 """What the links of a robot look like by its description: solids and their colours."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,11 @@ class LinkSurface:
     def color(self, p_FQ: NDArray) -> NDArray:
         """Return the colour at one point of the surface. Shape (3,) -> (3,)."""
         return self.colors[distance_to_solids(self.solids, p_FQ[None])[1][0]]
+
+    def recolored(self, colors: Mapping[tuple[float, ...], Sequence[float]]) -> "LinkSurface":
+        """Return the same in other colours: old colour -> new one; others stay."""
+        each = [colors.get(tuple(color), color) for color in self.colors.tolist()]
+        return replace(self, colors=read_only(each, float))
 
     def along(self, p_FQ: NDArray, way: NDArray) -> NDArray:
         """Return where points that move along a direction meet the surface. Shape (N, 3)."""

@@ -72,6 +72,7 @@ def test_of_many_trials_with_marks_the_first_look_at_one_is_kept(known, monkeypa
 
 def test_of_many_unmarked_looks_one_is_kept(known, monkeypatch):
     session = SimpleNamespace(look=lambda _: Looks())
+    monkeypatch.setattr(unmarked, "_paints", lambda _: None)
     monkeypatch.setattr(unmarked, "MirrorLooks", lambda *_, **__: session)
     monkeypatch.setattr(
         unmarked, "_counted", lambda robot, light, *_: Look(robot, light, (1, 1), (1, 1), (3, 3), 0)

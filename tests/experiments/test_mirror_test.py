@@ -41,7 +41,12 @@ from nico_selfmodel.experiments.mirror_test.unknown_mirror import (
     MirrorPlace,
     MirrorsStage,
 )
-from nico_selfmodel.experiments.mirror_test.unmarked import LIGHTS, Look, UnmarkedStage
+from nico_selfmodel.experiments.mirror_test.unmarked import (
+    LIGHTS,
+    Look,
+    PaintsOff,
+    UnmarkedStage,
+)
 from nico_selfmodel.experiments.mirror_test.unmarked_report import unmarked_document
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
 from nico_selfmodel.sessions.mirrors.expecting import MirrorLook
@@ -128,6 +133,14 @@ def test_robots_of_several_processes_are_judged_as_one_test():
     assert whole.error == "no place"
     assert report_of(together(parts[:1])).document["stages"][0]["status"] == "NOT_EVALUATED"
     assert report_of(replace(whole, error=None)).document["status"] == "PASS"
+
+
+def test_looks_and_colours_of_several_processes_are_kept():
+    off = PaintsOff(7, *np.zeros((3, 1)))
+    parts = [MirrorTest(stage(8), unmarked=replace(looks(9, 0), paints=(off,)))] * 2
+    found = together(parts).unmarked
+    assert found is not None
+    assert (len(found.looks), len(found.paints)) == (18, 2)
 
 
 @pytest.mark.parametrize(
@@ -295,6 +308,17 @@ def test_a_twin_that_no_mirror_explains_and_images_that_nobody_saw_can_be_writte
     twin = document["stages"][1]["images"][-1]
     assert twin["mirror_px"] == [None] * 6
     assert twin["depth_mm"][-1] is None
+
+
+def test_the_report_tells_what_learned_colours_are_off_by():
+    off = PaintsOff(7, np.array([0.1, 0.05]), np.array([0.004, 0.002]), np.array([0.003, 0.002]))
+    report = report_of(
+        MirrorTest(stage(15), images(5), mirrors(10), unmarked=replace(looks(9, 0), paints=(off,)))
+    )
+    (table,) = (one for one in report.tables if "colours of its paints" in one.title)
+    assert table.rows == [["7", "2", "7.5 %", "0.3 %", "0.4 %", "0.2 %"]]
+    (found,) = (one for one in report.document["stages"] if one["stage"] == "4")
+    assert found["paints"][0]["learned_off"] == [0.004, 0.002]
 
 
 def test_a_link_of_which_nothing_was_learned_can_be_written(tmp_path):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation.mirrors.mark_place import ON_ME
+from nico_selfmodel.estimation.mirrors.paint_colors import PaintColors
 from nico_selfmodel.experiments.mirror_test import report, touches
 from nico_selfmodel.experiments.mirror_test.marks import MarkStage, MarkTrial
 from nico_selfmodel.experiments.mirror_test.painting import MARK, Painted
@@ -175,7 +176,10 @@ def test_a_robot_goes_to_marks_it_has_found_and_says_which_are_out_of_reach(monk
     back = Mark("head", np.array([-0.0715, 0.0, 0.076]), 0.01, np.ones(3))
     world = imperfections_named("thesis")
     acquainted = Acquainted(2, world, truth.model(), np.zeros((0, 6)))
-    body = KnownBody(truth.model(), (), truth.held, np.zeros(6), np.zeros(3), np.zeros((0, 0)))
+    paints = PaintColors.by_description(np.zeros((0, 3)))
+    body = KnownBody(
+        truth.model(), (), truth.held, np.zeros(6), np.zeros(3), np.zeros((0, 0)), paints
+    )
     trials = [
         MarkTrial(2, Painted(MARK, one, n), (Finding(ON_ME, one.link, one.p_FM, None, ()),), None)
         for one, n in ((mark, normal), (back, np.array([-1.0, 0.0, 0.0])))

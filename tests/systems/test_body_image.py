@@ -40,6 +40,33 @@ def image():
         yield one
 
 
+@pytest.mark.slow
+def test_a_painted_body_is_expected_in_its_colours_and_where_it_was(image):
+    readings = true_model().servos.to_encoder(0.5 * (nico().arm.lower + nico().arm.upper))
+    before = image.expect(readings, DEFAULT_MIRROR, 0)
+    shirt = int(np.argmin(np.abs(image.paints - [0.18, 0.48, 0.55]).sum(axis=1)))
+    colors, sigma = image.paints.copy(), np.zeros(len(image.paints))
+    colors[shirt] *= [0.5, 1.0, 1.0]
+    try:
+        image.paint(colors, sigma)
+        after = image.expect(readings, DEFAULT_MIRROR, 0)
+        chest = image.surfaces["chest"]
+    finally:
+        image.paint(image.paints, sigma)
+    # Where two shapes coincide, which of them is drawn depends on their order.
+    assert np.mean(before.labels != after.labels) < 1e-3
+    assert np.mean(before.paints != after.paints) < 1e-3
+    assert (before.paints[before.labels == NOTHING] == -1).all()
+    assert (before.paints[before.labels != NOTHING] >= 0).all()
+    own = cv2.erode((before.paints == shirt).astype(np.uint8), np.ones((5, 5))) > 0
+    assert own.sum() > 500
+    shares = after.color[own, :3] / np.maximum(before.color[own, :3].astype(float), 1.0)
+    assert np.median(shares, axis=0) == pytest.approx([0.5, 1.0, 1.0], abs=0.02)
+    assert any(np.array_equal(color, colors[shirt]) for color in chest.colors)
+    again = image.expect(readings, DEFAULT_MIRROR, 0)
+    assert np.mean(again.color != before.color) < 1e-3
+
+
 def looked(robot):
     """Return the true mirror, readings, and what both cameras see in a large one."""
     before = NicoBeforeMirrors(robot, {"glass": DEFAULT_MIRROR}, plate=MirrorPlate("m", 1.4, 1.4))

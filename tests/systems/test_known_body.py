@@ -99,6 +99,34 @@ def test_neck_and_mirror_are_told_by_the_face_in_the_mirror(image):
 
 
 @pytest.mark.slow
+def test_colours_other_than_described_are_told_and_do_not_move_the_body(image):
+    rng, described = np.random.default_rng(0), image.paints
+    real = np.clip(described * np.exp(0.1 * rng.standard_normal(described.shape)), 0.01, 1.0)
+    before = {link: image.poses(readings())[link] for link in ("head", "chest")}
+    image.paint(real, np.zeros(len(real)))
+    pictures = []
+    for side in range(2):
+        seen = 0.93 * bgr_of_rgba(image.expect(readings(), TRUE, side).color)
+        pictures.append(np.clip(np.round(seen + rng.normal(0.0, 2.0, seen.shape)), 0, 255))
+    image.paint(described, np.zeros(len(real)))
+    guess = Mirror.from_values(TRUE.values + OFF, np.diag(np.square([1e-3, 1e-3, 3e-4])))
+    model = nico().ground_truth.model(mirrors={"mirror": guess})
+    shot = Shot("mirror", readings(), (pictures[0].astype(np.uint8), pictures[1].astype(np.uint8)))
+    known = know_body(image, model, [shot])
+    paints = known.paints
+    seen = paints.sigma < 0.01
+    assert seen.sum() >= 5
+    off = paints.colors[seen] / real[seen]
+    assert np.abs(off / np.median(off) - 1.0).max() < 0.02
+    assert np.abs(described[seen] / real[seen] - 1.0).max() > 0.1
+    # Of what no picture shows the description is all that is known.
+    assert paints.colors[paints.sigma > 0.149] == pytest.approx(described[paints.sigma > 0.149])
+    known.pose(image)
+    for link, X_WF in before.items():
+        assert image.poses(readings())[link] == pytest.approx(X_WF, abs=6e-3)
+
+
+@pytest.mark.slow
 def test_the_light_is_told_by_the_shades_of_the_body_in_the_mirror(image):
     turn = np.radians([1.5, -2.5, 2.0])
     image.turn_light(turn)

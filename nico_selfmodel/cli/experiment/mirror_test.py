@@ -51,8 +51,11 @@ def mirror_test(
 
     output.refuse()
     refuse_unknown("walls", walls, ("plain", "papered"))
-    chosen = replace(imperfections_named(imperfections), papered=walls == "papered")
-    from nico_selfmodel.sessions.mirrors.knowing import glass_named
+    from nico_selfmodel.sessions.mirrors.knowing import PAINT_SIGMA, glass_named
+
+    chosen = replace(
+        imperfections_named(imperfections), papered=walls == "papered", paint_sigma=PAINT_SIGMA
+    )
 
     plate = glass_named(glass)
     from nico_selfmodel.experiments.mirror_test.report import report_of

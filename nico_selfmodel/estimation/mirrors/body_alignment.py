@@ -62,6 +62,9 @@ class AlignedView:
     by_light: NDArray | None = None
     """What turned light changes of what is expected; None where it is known how the light stands
     [grey levels/rad]. Shape (h, w, 3, 3)."""
+    paints: NDArray | None = None
+    """Which paint of the body each pixel shows, less than 0 for none; None where it is not asked
+    what colours these have. Shape (h, w)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,6 +31,7 @@ from nico_selfmodel.experiments.mirror_test.unknown_mirror_report import (
     mirrors_table,
 )
 from nico_selfmodel.experiments.mirror_test.unmarked_report import (
+    paints_table,
     unmarked_chart,
     unmarked_document,
     unmarked_table,
@@ -76,7 +77,7 @@ def report_of(test: MirrorTest) -> ExperimentReport:
             charts["structure"] = structure_chart(test.structure)
     if test.unmarked is not None:
         stages.append(unmarked_document(test.unmarked))
-        tables.append(unmarked_table(test.unmarked))
+        tables += [unmarked_table(test.unmarked), paints_table(test.unmarked)]
         charts["surprise"] = unmarked_chart(test.unmarked)
     if test.marks is not None:
         stages += marks_documents(test.marks)
@@ -161,7 +162,9 @@ def _given() -> Table:
         ["shape of head and chest", "learned, in mirrors (stage 3); touching uses it"],
         ["which link a place of that belongs to", "given: the nearest line between its joints"],
         ["what that shape is off by in all pictures", DERIVED_SHAPE],
-        ["shape and colours of its links in its expected pictures", "given, by its description"],
+        ["shape of its links in its expected pictures", "given, by its description"],
+        ["which of its solids are of one paint", "given, by its description"],
+        ["colours of its paints", "learned, from head and chest seen in mirrors"],
         ["what of head and chest the arm keeps off", KEPT_OFF],
         ["shape of its arm, where its finger is on its hand", "given, by its description"],
         ["light of the room", "given, but for its brightness and how the robot is turned in it"],

@@ -119,7 +119,7 @@ def together(parts: Sequence[MirrorTest]) -> MirrorTest:
         _joined(parts, "images", lambda found: ImageStage(_all(found, "trials"))),
         _joined(parts, "mirrors", _mirrors),
         _joined(parts, "structure", _structure),
-        _joined(parts, "unmarked", lambda f: UnmarkedStage(_all(f, "looks"), f[0].shown)),
+        _joined(parts, "unmarked", _unmarked),
         _joined(parts, "marks", _marks),
         _joined(parts, "touches", _touches),
         errors[0] if errors else None,
@@ -144,6 +144,10 @@ def _structure(found: Sequence[StructureStage]) -> StructureStage:
     shapes = {seed: shape for stage in found for seed, shape in stage.shapes.items()}
     links, refusals = _all(found, "links"), _all(found, "refusals")
     return StructureStage(links, found[-1].mirrors, refusals, shapes)
+
+
+def _unmarked(found: Sequence[UnmarkedStage]) -> UnmarkedStage:
+    return UnmarkedStage(_all(found, "looks"), found[0].shown, _all(found, "paints"))
 
 
 def _marks(found: Sequence[MarkStage]) -> MarkStage:

@@ -4,11 +4,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nico_selfmodel.sessions.mirrors.acquaintance import rendered
 from nico_selfmodel.sessions.mirrors.expecting import MirrorLook
 from nico_selfmodel.sessions.mirrors.knowing import Knowing
-from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
+from nico_selfmodel.sessions.mirrors.mirror_looks import COLOR_SIGMA, MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, of_robot
@@ -18,6 +19,8 @@ from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 LIGHTS = (1.0, 0.9, 1.1)
 """How bright the pictures are, of what the description's light makes them."""
 _DAY = 7
+_KNOWN = 0.05
+"""Paints that are known to that share count as seen."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,20 @@ class Look:
 
 
 @dataclass(frozen=True, eq=False)
+class PaintsOff:
+    """What a robot's colours are off by, but for how bright all of them are."""
+
+    robot: int
+    """Seed of the robot."""
+    described: NDArray
+    """Of the description, paint by paint of those that it knows, as a share. Shape (P,)."""
+    learned: NDArray
+    """Of what it has learned. Shape (P,)."""
+    sigma: NDArray
+    """What it is not known by. Shape (P,)."""
+
+
+@dataclass(frozen=True, eq=False)
 class UnmarkedStage:
     """All looks of the fourth stage."""
 
@@ -48,6 +65,8 @@ class UnmarkedStage:
     """In the order in which they were made."""
     shown: tuple[MirrorLook, MirrorLook]
     """One of them, for the report."""
+    paints: tuple[PaintsOff, ...] = ()
+    """Of each robot."""
 
 
 def run_unmarked(
@@ -60,6 +79,7 @@ def run_unmarked(
         looks: Of each robot, at random poses, with the lights in turn.
     """
     done: list[Look] = []
+    paints = tuple(_paints(known) for known in robots)
     shown: tuple[MirrorLook, MirrorLook] | None = None
     for i, known in enumerate(robots):
         stage = of_robot(progress, i, len(robots))
@@ -69,7 +89,38 @@ def run_unmarked(
                 stage("looking at itself", len(done) - i * looks, looks)
                 shown = shown or pair
     assert shown is not None, "there is a look a robot at least"
-    return UnmarkedStage(tuple(done), shown)
+    return UnmarkedStage(tuple(done), shown, paints)
+
+
+def _paints(known: Knowing) -> PaintsOff:
+    """Hold the colours that a robot has learned against the truth."""
+    with known.before.station(_DAY) as station:
+        surfaces = station.surfaces_true(station.CreateDefaultContext())
+    with BodyImage(known.before.nico.arm, known.robot.model) as image:
+        described = image.surfaces
+    true = {
+        tuple(color): np.array(real)
+        for link, own in described.items()
+        if len(own.colors) == len(surfaces[link][0].colors)
+        for color, real in zip(own.colors.tolist(), surfaces[link][0].colors.tolist(), strict=True)
+    }
+    found = known.body.paints
+    seen = [
+        k for k, color in enumerate(found.described.tolist())
+        if found.sigma[k] < _KNOWN and tuple(color) in true
+    ]  # fmt: skip
+    real = np.array([true[tuple(found.described[k].tolist())] for k in seen]).reshape(-1, 3)
+    described, learned = (_off(one[seen] / real) for one in (found.described, found.colors))
+    # Colours and the light on them, as the expectation counts them.
+    sigma = np.hypot(found.sigma[seen], COLOR_SIGMA)
+    return PaintsOff(known.robot.seed, described, learned, sigma)
+
+
+def _off(shares: NDArray) -> NDArray:
+    """Return what each colour is off by: root mean square of its shares. Shape (P, 3) -> (P,)."""
+    if not len(shares):
+        return np.zeros(0)
+    return np.sqrt(np.mean((shares / np.median(shares) - 1.0) ** 2, axis=1))
 
 
 def _look(

@@ -28,6 +28,15 @@ def unmarked_document(stage: UnmarkedStage) -> dict[str, Any]:
         said,
         not_judged=["the arm that moves", "the room"],
         lights=[_row(light, stage.looks) for light in LIGHTS],
+        paints=[
+            {
+                "robot": one.robot,
+                "described_off": one.described.tolist(),
+                "learned_off": one.learned.tolist(),
+                "sigma": one.sigma.tolist(),
+            }
+            for one in stage.paints
+        ],
         surprising=[
             {"robot": look.robot, "light": look.light, "where": list(look.where)}
             for look in stage.looks
@@ -66,6 +75,23 @@ def unmarked_table(stage: UnmarkedStage) -> Table:
         if row["looks"]
     ]
     return Table("Stage 4: an unmarked head and chest in the mirror", headings, rows, "\n")
+
+
+def paints_table(stage: UnmarkedStage) -> Table:
+    """Return a row for each robot."""
+    headings = ("robot", "paints", "described", "learned", "largest", "sigma")
+    rows = [
+        [
+            str(one.robot),
+            str(len(one.sigma)),
+            *(f"{100.0 * f(part):.1f} %" for f, part in (
+                (np.median, one.described), (np.median, one.learned), (np.max, one.learned),
+                (np.median, one.sigma))),
+        ]
+        for one in stage.paints if len(one.sigma)
+    ]  # fmt: skip
+    title = "Stage 4: what the colours of its paints are off by (median)"
+    return Table(title, headings, rows, "\n")
 
 
 def unmarked_chart(stage: UnmarkedStage) -> Any:

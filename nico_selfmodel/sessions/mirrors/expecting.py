@@ -11,7 +11,7 @@ from nico_selfmodel.estimation.mirrors.reflection_sigma import reflection_sigma
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
-from nico_selfmodel.systems.rendering.body_image import NOTHING, BodyImage
+from nico_selfmodel.systems.rendering.body_image import NOTHING, BodyImage, ExpectedPicture
 from nico_selfmodel.systems.rendering.cropped_render import LabelledPicture
 from nico_selfmodel.vision.images.image_array import bgr_of_rgba
 from nico_selfmodel.vision.surprise.blobs import Blob, surprising_places
@@ -134,10 +134,13 @@ class Expecting:
             SIDES[side], picture, expected, found, places, seen.labels, readings, seen.depth
         )
 
-    def expected(self, side: int, seen: LabelledPicture) -> Expectation:
+    def expected(self, side: int, seen: ExpectedPicture) -> Expectation:
         """Return an expected picture, what is judged of it, and how well it is known."""
         sigma = self.pixel_sigma(side, seen)
         share = self._by_link(seen, self.unknown.colors, self.unknown.color)
+        # Of the last paint, where there is none; of which nothing is to be known, then.
+        paint_sigma = np.append(self.image.paint_sigma, 0.0)
+        share = np.hypot(share, paint_sigma[seen.paints])
         return Expectation(bgr_of_rgba(seen.color), sigma, self.noise[side], share)
 
     def _by_link(self, seen: LabelledPicture, known: Mapping[str, float], other: float) -> NDArray:

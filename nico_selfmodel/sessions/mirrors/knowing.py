@@ -35,6 +35,8 @@ GLASSES = {
     "half": replace(PLATE, width=0.14),
 }
 """What somebody may put before the robot: flat, clean and large enough, or not."""
+PAINT_SIGMA = 0.1
+"""What colours of robots before mirrors differ by from their description, as a share."""
 LINKS = ("head", "chest")
 """What is looked at in mirrors, learned and marked."""
 _POSES, _HELD_OUT = 30, 8

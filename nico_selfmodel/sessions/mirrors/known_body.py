@@ -14,6 +14,7 @@ from nico_selfmodel.estimation.mirrors.body_alignment import (
     BodyMotion,
     alignment_step,
 )
+from nico_selfmodel.estimation.mirrors.paint_colors import PaintColors
 from nico_selfmodel.estimation.mirrors.reflection_sigma import reflection_sigma
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
@@ -34,8 +35,8 @@ _SMOOTH = 1.0
 """Of the pictures that are aligned [px]."""
 _AREA = 40.0
 """Pixels that err alike, as smoothing and what is not known of colours make them."""
-_STEPS, _UNLIT = 7, 2
-"""Of the search, and those before it is asked how the light stands."""
+_STEPS, _UNLIT, _UNPAINTED = 7, 2, 1
+"""Of the search, and those before it is asked how the light stands and what colours there are."""
 _TURN, _TURN_SIGMA = 0.05, np.radians(5.0)
 """By which the light is turned to see what that changes, and how far a robot may be turned in its
 room, about each axis [rad]."""
@@ -70,6 +71,8 @@ class KnownBody:
     """The shoulder, where the learned arm has it [m]. Shape (3,)."""
     covariance: NDArray
     """Of all mirrors' values, the angles and the shift. Shape (3 m + k + 6, 3 m + k + 6)."""
+    paints: PaintColors
+    """What colours the body has."""
     places: Mapping[str, Mirror] = field(default_factory=dict)
     """Where the mirrors stand, with covariances that count what the cameras may be wrong by. The
     model's mirrors fit the pictures as its cameras show them, wrong as these are."""
@@ -97,9 +100,10 @@ class KnownBody:
         return Mirror.from_values(self.model.mirrors[name].values)
 
     def pose(self, image: BodyImage) -> None:
-        """Let a robot's expectation of itself stand and be lit like that."""
+        """Let a robot's expectation of itself stand, be painted and be lit like that."""
         image.hold(self.angles, self.X_WB)
         image.turn_light(self.light)
+        image.paint(self.paints.colors, self.paints.sigma)
 
     def motions(self, image: BodyImage) -> tuple[tuple[BodyMotion, frozenset[str]], ...]:
         """Return how the body may stand elsewhere, and the links that each of it moves."""
@@ -145,7 +149,8 @@ def know_body(
 
     The hand in them told the mirrors (`calibrate_mirrors`), the learned arm where the body is, and
     the description how the head is held; each to so much, which is where this starts from. Once
-    that fits by half, it is asked at once with them how the room's light stands about the robot.
+    that fits by half, it is asked at once with them how the room's light stands about the robot,
+    and after each step which colours its paints have.
 
     Args:
         image: What the robot expects, fresh; it stands and is lit as was learned afterwards.
@@ -171,6 +176,8 @@ def know_body(
         if step == _STEPS - 1:
             placed = _with_cameras(known, views, mirrors, motions, before)
         known = known.changed(alignment_step(views, model.rig, mirrors, motions, before, _AREA))
+        if step >= _UNPAINTED:
+            known = replace(known, paints=known.paints.seen_in(views, _AREA))
         if progress:
             progress(step + 1, _STEPS)
     known.pose(image)
@@ -233,7 +240,8 @@ def _described(image: BodyImage, model: SelfModel, mirrors: tuple[str, ...]) -> 
     shoulder = image.standing((image.first_joint,))[0]
     covariance = before_pictures(model, mirrors, len(joints))
     angles = MappingProxyType({joint.name: joint.angle for joint in joints})
-    return KnownBody(model, mirrors, angles, np.zeros(6), shoulder.p_WJ, covariance)
+    paints = PaintColors.by_description(image.paints)
+    return KnownBody(model, mirrors, angles, np.zeros(6), shoulder.p_WJ, covariance, paints)
 
 
 def _view(
@@ -260,4 +268,5 @@ def _view(
         np.isfinite(sigma),
         np.array(moved),
         by_light,
+        seen.paints,
     )

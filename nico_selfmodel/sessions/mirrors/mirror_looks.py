@@ -18,8 +18,7 @@ from nico_selfmodel.sessions.mirrors.expecting import (
 )
 from nico_selfmodel.sessions.mirrors.known_body import Shot
 from nico_selfmodel.systems.closing import trim_memory
-from nico_selfmodel.systems.rendering.body_image import BodyImage
-from nico_selfmodel.systems.rendering.cropped_render import LabelledPicture
+from nico_selfmodel.systems.rendering.body_image import BodyImage, ExpectedPicture
 from nico_selfmodel.systems.rendering.mirror_scene import put_mirror
 from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
@@ -279,7 +278,7 @@ class MirrorLooks:
         self.unknown = least_unknown(lambda color: self._told(looks, color))
         return self.unknown
 
-    def _seen_at(self, command: NDArray) -> list[tuple[int, NDArray, LabelledPicture]]:
+    def _seen_at(self, command: NDArray) -> list[tuple[int, NDArray, ExpectedPicture]]:
         """Go to a pose, and return each side with what it saw and what is expected there."""
         self.body.relive(command)
         readings = self._readings()
@@ -288,7 +287,7 @@ class MirrorLooks:
             for side, picture in enumerate(self._pictures())
         ]
 
-    def _told(self, looks: Sequence[tuple[int, NDArray, LabelledPicture]], color: float) -> Told:
+    def _told(self, looks: Sequence[tuple[int, NDArray, ExpectedPicture]], color: float) -> Told:
         """Return what looks tell of each of `POINTS`, with colours known to a share."""
         shape = len(POINTS), max(self._image.links) + 1
         likely, counts, places = np.zeros(shape), np.zeros(shape), np.zeros((2, *shape))

@@ -25,6 +25,7 @@ from nico_selfmodel.plant.link_surfaces import link_surfaces
 from nico_selfmodel.systems.closing import Closable, free_memory
 from nico_selfmodel.systems.image_values import image_value
 from nico_selfmodel.systems.rendering.cropped_render import CroppedRender, LabelledPicture
+from nico_selfmodel.systems.rendering.paints import painted, repaint, tell_apart
 from nico_selfmodel.systems.rendering.station_scene import add_renderer, remove_scene
 from nico_selfmodel.systems.rendering.stereo_cameras import RENDERER
 from nico_selfmodel.vision.images.lens_warp import LensWarp
@@ -32,6 +33,14 @@ from nico_selfmodel.vision.images.lens_warp import LensWarp
 NOTHING = int(RenderLabel.kEmpty)
 """Label of pixels that show nothing of the body."""
 _TURNED = np.diag([-1.0, 1.0, 1.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedPicture(LabelledPicture):
+    """What a camera is expected to see of a body."""
+
+    paints: NDArray
+    """Which of the body's paints is seen; -1 where nothing is, or none of them. Shape (h, w)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +71,9 @@ class BodyImage(Closable, LeafSystem):
     | `left_link`, `right_link` | out | which of `links` is seen, or `NOTHING`, `ImageLabel16I` |
 
     Depths are in metres, inf where nothing of the body is; those of a reflection go through the
-    glass, to where it seems to be. The arm stands as it was learned; all other links, all shapes
-    and colours are those of the robot's description, and the light is the simulated room's, which
-    stands as the robot does unless it is turned. A
+    glass, to where it seems to be. The arm stands as it was learned; all other links and all shapes
+    are those of the robot's description, colours too unless it is painted, and the light is the
+    simulated room's, which stands as the robot does unless it is turned. A
     mirror shows the body as the reflected camera sees it (`mirror_camera`), and what of the body is
     before the glass hides it; the glass is taken to be as large as the picture. Close it after use:
     its renderer takes 50 MB.
@@ -100,6 +109,14 @@ class BodyImage(Closable, LeafSystem):
         root = plant.GetBodyByName(arm.links.root_link, self._built.instance)
         self._R_WR = plant.EvalBodyPoseInWorld(own, root).rotation().matrix()
         self._turn = np.zeros(3)
+        numbers = [int(body) for body in plant.GetBodyIndices(self._built.instance)]
+        self._stride = max(numbers) + 1
+        self._painted = painted(scene, self._built)
+        self.paints = tell_apart(scene, self._built, self._painted, self._stride)
+        """Red, green and blue of all paints by the description, of 1. Shape (K, 3)."""
+        self._colors = self.paints
+        self.paint_sigma = np.zeros(len(self.paints))
+        """What each is not known by, as a share. Shape (K,)."""
         add_renderer(scene, glare=True, R_WR=self._R_WR)
         self.__context = diagram.CreateDefaultContext()  # which knows the renderer
         scene.RemoveRenderer(RENDERER)  # of further contexts, which nobody makes
@@ -124,7 +141,8 @@ class BodyImage(Closable, LeafSystem):
         self._encoders = self.DeclareVectorInputPort("encoders", len(arm.joints))
         self._mirror = self.DeclareAbstractInputPort("mirror", AbstractValue.Make(object()))
         self._X_WB = np.eye(4)
-        self._last: list[tuple[bytes, LabelledPicture] | None] = [None, None]
+        self._described = self.surfaces
+        self._last: list[tuple[bytes, ExpectedPicture] | None] = [None, None]
         for k, side in enumerate(SIDES):
             self._declare(f"{side}_image_expected", k, image_value, "color")
             self._declare(f"{side}_depth", k, _depth_value, "depth")
@@ -144,7 +162,7 @@ class BodyImage(Closable, LeafSystem):
         needs = {self._encoders.ticket(), self._mirror.ticket()}
         self.DeclareAbstractOutputPort(name, lambda: make(*size), calc, needs)
 
-    def expect(self, readings: ArrayLike, mirror: Mirror | None, side: int) -> LabelledPicture:
+    def expect(self, readings: ArrayLike, mirror: Mirror | None, side: int) -> ExpectedPicture:
         """Return what a camera is expected to see; the same look again is not rendered anew.
 
         Args:
@@ -193,6 +211,25 @@ class BodyImage(Closable, LeafSystem):
         turned = rotation_from_vector(turn) @ self._R_WR
         add_renderer(self.__scene, glare=True, R_WR=turned, context=context)
 
+    def paint(self, colors: ArrayLike, sigma: ArrayLike) -> None:
+        """Let the paints have other colours than the description's.
+
+        Args:
+            colors: Of each of `paints`, of 1. Shape (K, 3).
+            sigma: What it is not known by, as a share. Shape (K,).
+        """
+        self.require_open()
+        self.paint_sigma = np.array(sigma, dtype=float)
+        if np.array_equal(colors, self._colors):
+            return
+        self._last = [None, None]
+        self._colors = np.array(colors, dtype=float)
+        each = zip(self.paints.tolist(), self._colors.tolist(), strict=True)
+        new = {(*old,): (*one,) for old, one in each}
+        context: Any = self.__scene.GetMyMutableContextFromRoot(self.__context)
+        repaint(self.__scene, self._built, self._painted, new, context)
+        self.surfaces = {link: one.recolored(new) for link, one in self._described.items()}
+
     @property
     def _X_BW(self) -> NDArray:
         return inverse(self._X_WB)
@@ -230,7 +267,7 @@ class BodyImage(Closable, LeafSystem):
         X_WB = self._X_WB
         return {name: X_WB @ plant.EvalBodyPoseInWorld(own, b).GetAsMatrix4() for name, b in bodies}
 
-    def _bent(self, k: int, mirror: Mirror | None) -> LabelledPicture:
+    def _bent(self, k: int, mirror: Mirror | None) -> ExpectedPicture:
         """Render one camera's pictures and bend them by its lens."""
         context = self.__scene.GetMyContextFromRoot(self.__context)
         query = self.__scene.get_query_output_port().Eval(context)
@@ -242,10 +279,13 @@ class BodyImage(Closable, LeafSystem):
             np.copyto(seen.color, reflected.color, where=before[:, :, None])
             np.copyto(seen.depth, reflected.depth, where=before)
             np.copyto(seen.labels, reflected.labels, where=before)
-        return LabelledPicture(
+        labels = warp.nearest(seen.labels, NOTHING)
+        body = labels != NOTHING
+        return ExpectedPicture(
             warp.apply(seen.color),
             warp.nearest(seen.depth, np.inf),
-            warp.nearest(seen.labels, NOTHING),
+            np.where(body, labels % self._stride, NOTHING),
+            np.where(body, labels // self._stride - 1, -1),
         )
 
     def _render(self, query: Any, k: int, plane: Plane | None) -> LabelledPicture:

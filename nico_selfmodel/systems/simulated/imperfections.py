@@ -45,6 +45,8 @@ class Imperfections:
     """Noise of each measured coordinate [m]."""
     dropout_share: float = 0.0
     """Share of measurements in which the tracker loses a marker."""
+    paint_sigma: float = 0.0
+    """What the colours of its paints differ by from the robot's description, as a share."""
     papered: bool = False
     """Whether papered walls stand behind and beside the robot, which it sees in mirrors."""
 

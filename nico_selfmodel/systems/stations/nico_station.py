@@ -23,6 +23,7 @@ from nico_selfmodel.systems.nico_cameras import MOUNTS, NICO_CAMERAS
 from nico_selfmodel.systems.rendering.coarse_solids import draw_coarsely
 from nico_selfmodel.systems.rendering.mark_on_body import Mark, MarkOnBody
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate, MirrorScene
+from nico_selfmodel.systems.rendering.paints import paint_otherwise
 from nico_selfmodel.systems.rendering.room import hang_cards, paper_walls
 from nico_selfmodel.systems.rendering.station_scene import (
     ROOM,
@@ -153,14 +154,15 @@ class NicoStation(Closable, Diagram):
         servos = EncoderModel(body.mechanics, start, seed=noise)
         builder.AddNamedSystem("servos", servos)
         self.__holder, cameras, poses, self.__marks = _add_scene(
-            builder, servos, arm, body, BOARD, quality, noise, mirror, room, near_marks
-        )
+            builder, servos, arm, body, BOARD, quality, noise, mirror, room, near_marks,
+            world.paint_sigma,
+        )  # fmt: skip
         scene: Any = builder.GetMutableSubsystemByName("scene")
         self.__scene: SceneGraph = scene
         if world.papered and mirror is not None:  # else they are behind the cameras
             paper_walls(scene)
         self.__other: OtherRobot | None = None
-        if other:
+        if other:  # of the description's colours
             self.__other, second = add_other_robot(builder, self.__scene, body, noise)
             _mark(self.__scene, second, arm)
             self.__marks.on_links(second, OTHER)
@@ -323,11 +325,14 @@ def _add_scene(
     mirror: MirrorPlate | None,
     room: Sequence[TagCard],
     near_marks: bool,
+    paint_sigma: float,
 ) -> tuple[BoardHolder, StereoCameras, BodyPoses, MarkOnBody]:
     """Add what is to be seen, and what sees it."""
     scene_graph = SceneGraph()
     builder.AddNamedSystem("scene", scene_graph)
     built = body.in_scene(scene_graph)
+    if paint_sigma > 0.0:
+        paint_otherwise(scene_graph, built, paint_sigma, np.random.default_rng((seed[0], 51)))
     add_renderer(scene_graph, glare=mirror is not None, lamps=bool(room))
     _mark(scene_graph, built, arm)
     hang_cards(scene_graph, room)
