@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -97,12 +98,13 @@ def shape_of_arm(
         tree = KinematicTree.from_urdf(robot.urdf)
         pair = RectifiedPair.of(model.rig, _COARSE)
         first = image.poses(looks.data.encoders[0])
-        bodies = [_Seen(one, model, pair) for one in RigidBody.of(tree, model.joints, links, first)]
+        bodies = [_Seen(one, model) for one in RigidBody.of(tree, model.joints, links, first)]
         noise, poses = looks.noise, {}
         for k, look in enumerate(looks.looks(image)):
             poses = poses or look.poses
+            told = _ToldApart(look, noise, pair)
             for body in bodies:
-                body.take(look, image, noise)
+                body.take(told, image)
             tell(k + 1, len(looks.kept))
     shapes = {}
     for body in bodies:
@@ -115,39 +117,55 @@ def shape_of_arm(
 
 
 @dataclass(frozen=True, eq=False)
+class _ToldApart:
+    """What of a look's pictures is the room, and how far away the arm is: once for all bodies."""
+
+    look: ArmLook
+    noise: tuple[float, float]
+    pair: RectifiedPair
+
+    @cached_property
+    def beyond(self) -> list[NDArray]:
+        """How far pixels are outside of what stands before the room. Shape (h, w) each [px]."""
+        both = zip(self.look.pictures, self.noise, strict=True)
+        return [beyond_body(picture, room_color(picture), noise) for picture, noise in both]
+
+    @cached_property
+    def depth(self) -> NDArray:
+        """What the left turned camera sees of depths. Shape (h, w) [m]."""
+        return self.pair.depth(self.look.pictures, _NEAREST).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
 class _Seen:
     """A body in all looks that show it; the lists grow look by look."""
 
     rigid: RigidBody
     model: SelfModel
-    pair: RectifiedPair
     standpoints: list[OnLink] = field(default_factory=list)
     covariances: list[NDArray] = field(default_factory=list)
     views: list[ShapeView] = field(default_factory=list)
     depths: list[DepthView] = field(default_factory=list)
 
-    def take(self, look: ArmLook, image: BodyImage, noise: tuple[float, float]) -> None:
+    def take(self, told: _ToldApart, image: BodyImage) -> None:
         """Take what a look shows of the body, if it shows enough."""
-        rigid, k = self.rigid, len(self.standpoints)
+        rigid, look, k = self.rigid, told.look, len(self.standpoints)
         own = [number for number, name in image.links.items() if name in rigid.links]
         if min(int(np.isin(labels, own).sum()) for labels in look.labels) < _LEAST:
             return
         rig, X_WF, J = self.model.rig, look.poses[rigid.frame], look.by_joint[rigid.frame]
         beyond = [
             np.where(look.covered(image, rigid.links, side), np.nan, outside)
-            for side, picture in enumerate(look.pictures)
-            for outside in [beyond_body(picture, room_color(picture), noise[side])]
+            for side, outside in enumerate(told.beyond)
         ]
         pixels = rig.project(rigid.corners(X_WF))
         self.views.extend(
             _cropped(ShapeView(k, side, picture, beyond[side]), pixels[:, 2 * side : 2 * side + 2])
             for side, picture in enumerate(look.pictures)
         )
-        depth = self.pair.depth(look.pictures, _NEAREST)
-        inside = self.pair.bent(beyond[0], 0) < _INSIDE
-        self.depths.append(
-            DepthView(k, self.pair.turned[0], np.where(inside, depth, np.nan).astype(np.float32))
-        )
+        inside = told.pair.bent(beyond[0], 0) < _INSIDE
+        depth = np.where(inside, told.depth, np.float32(np.nan))
+        self.depths.append(DepthView(k, told.pair.turned[0], depth))
         self.standpoints.append(OnLink(X_WF, np.zeros(6)))
         other = np.diag(np.square([_TURN] * 3 + [_SHIFT] * 3))
         self.covariances.append(J @ look.covariance @ J.T + other)
