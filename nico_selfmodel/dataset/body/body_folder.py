@@ -197,6 +197,12 @@ def _read_joints(table: CsvTable, joints: Sequence[LinkJoint]) -> tuple[NDArray,
             flanges[:, i] = _poses_in(table, f"flange.{joint.name}.", empty=False)
         elif joint.is_read:
             readings[:, i] = table.numbers(f"{ENCODER}.{joint.name}")
+        elif joint.follows and f"{ENCODER}.{joint.name}" in table.columns:
+            raise DataError(
+                f"{table.path}, column '{ENCODER}.{joint.name}': joint {joint.name!r} follows "
+                f"{listed(joint.follows)}, what an encoder reads of it would not be used; leave "
+                "out the column, or `follows` in dataset.yaml"
+            )
     return readings, flanges
 
 
