@@ -120,7 +120,6 @@ def save_body_dataset(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # whoever loads it is warned
             check_plausible_body(data)
-        _refuse_unused_readings(data.joints, columns)
     except DataError as error:
         raise DataError(f"{folder}: {error}") from None
     texts = (_head_text(data), _poses_text(data), _observations_text(data))
