@@ -294,6 +294,8 @@ def test_a_wrong_observation_is_refused_with_its_line(folder, tmp_path, command,
     [
         (("--prior", "camera2.x"), "--prior must be NAME=MEAN,SIGMA"),
         (("--prior", "camera2.x=1,0"), "sigma must be positive"),
+        (("--prior", "camera2.x=1,1", "--prior", "camera2.x=2,1"), "camera2.x is given twice"),
+        (("--fix", "camera2.x=1", "--prior", "camera2.x=1,1"), "fixed and given a prior"),
         (("--fix", "camara2.x=1"), "no parameter 'camara2.x'"),
         pytest.param(
             ("--fix", "left1.x=0"),

@@ -1,6 +1,7 @@
 """Recordings of bodies that cannot be what they say are refused when they are read."""
 
 import warnings
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -63,13 +64,30 @@ def test_a_row_that_stands_there_twice_is_refused_with_both_lines(tmp_path):
         read_back(data.of_rows(rows), tmp_path)
 
 
-def test_a_marker_that_was_measured_twice_at_a_pose_is_taken(tmp_path):
-    data = one_arm(1, poses=6).data
-    twice = data.of_rows(np.append(np.arange(len(data.observations)), 4))
+@pytest.mark.parametrize(
+    ("poses", "apart", "refused"),
+    [(1, 1e-5, False), (12, 5e-3, False), (6, 5e-2, False), (7, 5e-2, True)],
+)
+def test_only_a_marker_that_is_mostly_at_two_places_at_once_is_refused(
+    tmp_path, poses, apart, refused
+):
+    data = one_arm(1, poses=12).data
+    twice = data.of_rows(np.append(np.arange(12), np.arange(poses)))
     values = twice.observations.values.copy()
-    values[-1, 0] += 1e-5
+    values[12:, 0] += apart
     again = replace(twice, observations=replace(twice.observations, values=values))
-    assert len(read_back(again, tmp_path).observations) == 7
+    words = f"saw 'hand_tag0' at two places at once in {poses} samples, first in 0: tags of one id"
+    with pytest.raises(DataError, match=words) if refused else nullcontext():
+        assert len(read_back(again, tmp_path).observations) == 12 + poses
+
+
+def test_readings_of_a_joint_that_follows_are_refused(tmp_path):
+    data = one_arm(1, joints=3, poses=6).data
+    save_body_dataset(data, tmp_path / "data")
+    head = tmp_path / "data" / "dataset.yaml"
+    head.write_text(head.read_text().replace("parent: j1", "parent: j1\n  follows: {j1: -1}"))
+    with pytest.raises(DataError, match=r"encoder\.j2': joint 'j2' follows j1, what an encoder"):
+        load_body_dataset(tmp_path / "data")
 
 
 def test_a_ratio_of_nothing_is_refused():

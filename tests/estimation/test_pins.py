@@ -205,6 +205,8 @@ def test_an_unknown_name_is_answered_with_a_suggestion(make_truth, learn, name, 
         (["a.alpha=90"], [], "--fix a.alpha=90: 90 rad is more than a turn; .* give 1.5708"),
         (["a.r=250"], [], "--fix a.r=250: 250 m is far; if these are mm, give 0.25"),
         (["left.fx=0.004"], [], "--fix left.fx=0.004: focal lengths are in pixels"),
+        (["a.gear=0"], [], "--fix a.gear=0: gears are positive; .* say sign: -1"),
+        (["a.r=0.1", "a.r=0.2"], [], "--fix a.r is given twice; leave out one of them"),
     ],
 )
 def test_words_that_make_no_sense_are_refused(pin, free, message):

@@ -152,8 +152,8 @@ def test_what_turns_and_poses_may_be_instead_is_said():
 
     with pytest.raises(DataError, match=r"hand to the base, .* or invert what 'camera' tells"):
         told(places)
-    (reason,) = judge(told(data.observations.values[:, :3])).reasons
-    assert "check how turns are written" in reason
+    with pytest.raises(DataError, match="fit them if inverse turns were taken beside places"):
+        told(data.observations.values[:, :3])
 
 
 @pytest.mark.slow

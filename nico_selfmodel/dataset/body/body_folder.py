@@ -1,7 +1,7 @@
 """A recording of a body as a folder: `dataset.yaml`, `poses.csv`, `observations.csv`."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import chain
 from os import PathLike
 from pathlib import Path
@@ -83,6 +83,7 @@ def load_body_dataset(folder: str | PathLike[str]) -> BodyDataset:
     sample = poses.integers("sample")
     readings, flanges = _read_joints(poses, head["joints"])
     sides = [poses.sides(f"{APPROACH}.{joint.name}") for joint in head["joints"]]
+    columns = tuple(poses.columns)
     del poses  # a million rows of text take half a gigabyte
     table = CsvTable.read(folder / FILES[2])
     observations = _read_observations(table, sample, head["markers"], head["sensors"])
@@ -96,6 +97,7 @@ def load_body_dataset(folder: str | PathLike[str]) -> BodyDataset:
             **head,
         )
         check_plausible_body(data)
+        _refuse_unused_readings(data.joints, columns)
     except (DataError, ValueError) as error:
         raise DataError(f"{folder}: {error}") from None
     return without_copies(data)
@@ -198,6 +200,16 @@ def _read_joints(table: CsvTable, joints: Sequence[LinkJoint]) -> tuple[NDArray,
         elif joint.is_read:
             readings[:, i] = table.numbers(f"{ENCODER}.{joint.name}")
     return readings, flanges
+
+
+def _refuse_unused_readings(joints: Sequence[LinkJoint], columns: Collection[str]) -> None:
+    for joint in joints:
+        if joint.follows and (column := f"{ENCODER}.{joint.name}") in columns:
+            raise DataError(
+                f"{FILES[1]}, column {column!r}: joint {joint.name!r} follows "
+                f"{listed(joint.follows)}, what an encoder reads of it would not be used; leave "
+                f"out the column, or `follows` in {FILES[0]}"
+            )
 
 
 def _poses_in(table: CsvTable, prefix: str, *, empty: bool) -> NDArray:

@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.arrays import numbered_rows
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
-from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES
+from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, FIRST_SIGMA, POINTS, POSES
 from nico_selfmodel.dataset.plausibility import (
     MAX_SPREAD_M,
     check_radians,
@@ -19,6 +20,11 @@ from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC
 
 _LENGTHS = "Lengths are"
+_ONE_PLACE = 0.05
+"""Of what a sensor's sights spread: places of one marker at one pose that are farther apart are of
+two markers, where they are farther apart ..."""
+_SURELY = 10.0
+"""... than so many standard deviations of the sensor: frames of a robot that stands differ, too."""
 
 
 def check_plausible_body(data: BodyDataset) -> None:
@@ -27,7 +33,8 @@ def check_plausible_body(data: BodyDataset) -> None:
     Raises:
         DataError: If places spread over more than 100 m, distances or markers of known place over
             more than 20 m, a rotation vector turns by more than a whole turn, some samples are in
-            degrees, many observations are copies, or places exactly 0.
+            degrees, many observations are copies, places exactly 0, or a marker mostly at two
+            places at once.
 
     Warns:
         UserWarning: If places spread over more than 20 m or less than 5 mm, or a joint read in
@@ -45,6 +52,7 @@ def check_plausible_body(data: BodyDataset) -> None:
         if sensor.kind in (POINTS, POSES, CAMERA) and (rows != ANY_POSE).all():
             width = 2 if sensor.kind == CAMERA else 3
             refuse_nothings(data.sample[rows], own[:, :width], f"places by sensor {sensor.name!r}")
+            _refuse_two_places(data, s, own[:, :width])
         if sensor.kind in (POINTS, POSES):
             check_spread(f"{what}: up to", _from_middle(own[:, :3]), _LENGTHS)
             widest = max(widest, own[:, :3], key=_from_middle)
@@ -76,6 +84,32 @@ def check_plausible_body(data: BodyDataset) -> None:
     in_rad = [i for i, j in enumerate(data.joints) if j.is_read and j.encoder_unit == "rad"]
     names = [data.joints[i].name for i in in_rad]
     check_radians(names, data.readings[:, in_rad], data.sample, "poses.csv")
+
+
+def _refuse_two_places(data: BodyDataset, s: int, p: NDArray) -> None:
+    """Refuse markers that a sensor mostly saw at two places at once: some are wrong labels.
+
+    Args:
+        s: The sensor.
+        p: Places that it measured. Shape (N, 2) or (N, 3).
+    """
+    table = data.observations
+    pose, marker, mirror = (
+        of[table.sensor == s] for of in (table.pose, table.marker, table.mirror)
+    )
+    mirror = np.unique(mirror, return_inverse=True)[1]
+    first, same = numbered_rows(np.column_stack([pose, marker, mirror]))
+    apart = np.linalg.norm(p - p[first[same]], axis=1)
+    spread, noise = np.linalg.norm(np.std(p, axis=0)), FIRST_SIGMA[data.sensors[s].kind]
+    far = apart > max(_ONE_PLACE * spread, _SURELY * noise)
+    for m in np.unique(marker[far]).tolist():
+        samples = np.unique(pose[far & (marker == m)])
+        if 2 * len(samples) > len(np.unique(pose[marker == m])):
+            raise DataError(
+                f"sensor {data.sensors[s].name!r} saw {data.markers[m].name!r} at two places at "
+                f"once in {len(samples)} samples, first in {data.sample[samples[0]]}: tags of one "
+                "id cannot be told apart, give each its own, or leave these rows out"
+            )
 
 
 def _from_middle(places: NDArray) -> float:

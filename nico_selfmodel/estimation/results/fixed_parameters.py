@@ -32,8 +32,9 @@ class FixedParameters:
 
         Raises:
             ValueError: If a value is no number, or hardly in its parameter's unit, or a name is
-                both fixed and freed.
+                fixed twice, or both fixed and freed.
         """
+        _refuse_twice("--fix", pin)
         pinned: dict[str, float | None] = {}
         for word in pin:
             name, equals, value = word.partition("=")
@@ -87,9 +88,10 @@ def priors_of(words: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Read `--prior NAME=MEAN,SIGMA` of the command line.
 
     Raises:
-        ValueError: If a word has another form, a mean is hardly in its parameter's unit, or a sigma
-            is not positive.
+        ValueError: If a word has another form, a mean is hardly in its parameter's unit, a sigma
+            is not positive, or a name stands there twice.
     """
+    _refuse_twice("--prior", words)
     found = {}
     for word in words:
         name, equals, numbers = word.partition("=")
@@ -104,6 +106,14 @@ def priors_of(words: Sequence[str]) -> dict[str, tuple[float, float]]:
     return found
 
 
+def _refuse_twice(option: str, words: Sequence[str]) -> None:
+    """Refuse a name that is told two values: which of them holds?"""
+    names = [word.partition("=")[0].strip() for word in words]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise ValueError(f"{option} {twice} is given twice; leave out one of them")
+
+
 def _told(name: str, value: str, where: str) -> float:
     """Read a parameter's value; refuse one that is hardly in the parameter's unit."""
     told, what = number_of_word(value, where), name.strip().rpartition(".")[2]
@@ -116,4 +126,8 @@ def _told(name: str, value: str, where: str) -> float:
         raise ValueError(f"{where}: {told:g} m is far; if these are mm, give {1e-3 * told:g}")
     if what in ("fx", "fy") and told < 1.0:
         raise ValueError(f"{where}: focal lengths are in pixels, and positive")
+    if what == "gear" and told <= 0.0:
+        raise ValueError(
+            f"{where}: gears are positive; if a joint turns the other way, say sign: -1"
+        )
     return told

@@ -93,6 +93,12 @@ class Wishes:
     priors: Priors = field(default_factory=dict)
     """What is known of some."""
 
+    def __post_init__(self) -> None:
+        """Refuse what is known for sure and not so surely."""
+        both = sorted(self.pins.pinned.keys() & self.priors.keys())
+        if both:
+            raise ValueError(f"{listed(both)}: fixed and given a prior; leave out one of them")
+
     def freeing(self, names: Collection[str]) -> "Wishes":
         """Return the same with more that moves, but for what the user holds."""
         freed = self.pins.freed | (frozenset(names) - set(self.pins.pinned))

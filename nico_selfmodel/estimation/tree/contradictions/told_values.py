@@ -75,7 +75,8 @@ def _words(wrong: list[str], wishes: Wishes, freed: TreeStart) -> str:
         known = wishes.priors.get(name)
         value = wishes.pins.pinned.get(name)
         is_told = f"fixed at {value:g}" if known is None else f"said to be {known[0]:g}"
-        said.append(f"{name} is {is_told} {units[name]}, the data ask for {wanted[name]:.3g}")
+        unit = "" if units[name] == "1" else f" {units[name]}"
+        said.append(f"{name} is {is_told}{unit}, the data ask for {wanted[name]:.3g}")
         options.append(f"--{'fix' if known is None else 'prior'} {name}")
     return (
         f"{'; '.join(said)}: they contradict each other; correct what was told, or leave out "
