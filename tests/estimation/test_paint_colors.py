@@ -12,15 +12,18 @@ DESCRIBED = np.array([[0.9, 0.8, 0.7], [0.2, 0.5, 0.6], [0.6, 0.3, 0.3], [0.5, 0
 AREA = 1.0
 
 
-def pictures(real, rng, gains=(1.0, 0.9), noise=1.0, expected=DESCRIBED):
+def pictures(real, rng, gains=(1.0, 0.9), noise=1.0, expected=DESCRIBED, even=False):
     """Return views in which three of four paints lie side by side."""
     views = []
     for gain in gains:
-        shade = np.linspace(120.0, 220.0, 60)[:, None] * np.ones((60, 60))
+        shade = np.linspace(170.0 if even else 120.0, 170.0 if even else 220.0, 60)[:, None]
+        shade = shade * np.ones((60, 60))
         paint = np.repeat(np.arange(3), 20)[None] * np.ones((60, 1), int)
         level = [shade[:, :, None] * colors[paint][:, :, ::-1] for colors in (real, expected)]
         seen = gain * level[0] + noise * rng.standard_normal((60, 60, 3))
         used = np.ones((60, 60), bool)
+        if even:  # nothing of an edge
+            used[:, [19, 20, 39, 40]] = False
         views.append(AlignedView(0, 0, seen, level[1], np.ones((60, 60)), used,
                                  np.zeros((0, 60, 60), bool), paints=paint))  # fmt: skip
     return views
@@ -41,8 +44,8 @@ def test_colours_are_told_but_for_how_bright_all_of_them_are(seed):
     rng = np.random.default_rng(seed)
     real = others(rng)
     found = PaintColors.by_description(DESCRIBED).seen_in(pictures(real, rng), AREA)
-    assert np.abs(shares(found, real)).max() < 0.005
-    assert found.sigma[:3].max() < 0.005
+    assert np.abs(shares(found, real)).max() < 0.01
+    assert found.sigma[:3].max() < 0.02
 
 
 def test_of_a_paint_that_is_not_seen_the_description_is_what_is_known():
@@ -92,7 +95,9 @@ def test_a_spot_of_another_colour_does_not_change_a_paint():
 def test_sigmas_of_colours_are_what_they_scatter_by():
     real = others(np.random.default_rng(9))
     start = PaintColors.by_description(DESCRIBED)
-    found = [start.seen_in(pictures(real, np.random.default_rng(s)), AREA) for s in range(40)]
+    found = [
+        start.seen_in(pictures(real, np.random.default_rng(s), even=True), AREA) for s in range(40)
+    ]
     spread = np.std([shares(one, real) for one in found], axis=0)
     told = np.mean([one.covariance[:3].diagonal(axis1=1, axis2=2) for one in found], axis=0)
     assert 0.7 < np.sqrt(np.mean(spread**2 / told)) < 1.3
@@ -111,3 +116,17 @@ def test_the_order_of_paints_does_not_matter():
 
 def test_nothing_is_quite_black():
     assert (PaintColors.by_description(np.zeros((1, 3))).colors > 0.0).all()
+
+
+def test_what_lies_between_edges_is_known_no_better_than_where_these_are():
+    rng = np.random.default_rng(11)
+    real = others(rng)
+    views = pictures(real, rng, gains=(1.0,) * 20)
+    narrow = []
+    for one in views:
+        paints = one.paints.copy()
+        paints[:, :19] = -1  # of the first paint only what the next one's edge blurs
+        narrow.append(replace(one, paints=paints))
+    wide, found = (PaintColors.by_description(DESCRIBED).seen_in(v, AREA) for v in (views, narrow))
+    assert found.sigma[0] > 3.0 * wide.sigma[0]
+    assert found.sigma[0] > 0.03

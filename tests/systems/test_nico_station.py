@@ -1,6 +1,7 @@
 """The station: its ports, its seed, its secrets, and what it leaves behind."""
 
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.systems.looking import looking_arm
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
+from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
@@ -178,3 +180,23 @@ def test_a_users_own_diagram_predicts_and_logs_and_leaves_no_thread(station):
     # The description is a few millimetres and degrees off.
     assert np.abs(tracked - predicted).max() < 60.0
     assert threading.active_count() == threads
+
+
+@pytest.mark.slow
+def test_papered_walls_stand_still_in_pictures_while_the_arm_moves():
+    world = replace(IMPERFECTIONS["clean"], papered=True)
+    quality, rng = ImageQuality(1, noise=0.0), np.random.default_rng(0)
+    with NicoStation(world, 2, mirror=MirrorPlate(), quality=quality) as station:
+        context, arm = station.CreateDefaultContext(), station.arm
+        q = VisibleWorkspace.of(arm).random_poses(6, rng)
+        seen = []
+        for goal in commands_of_angles(station.joints, arm.lower, arm.upper, q):
+            station.GetInputPort("encoders_commanded").FixValue(context, goal)
+            Simulator(station, context).AdvanceTo(context.get_time() + 1.5)
+            seen.append(station.picture(context, "right").astype(float))
+    wall = seen[0].std(axis=2) > 8.0  # of all that is there only paper has colours
+    wall[:, :560] = wall[:260] = False
+    assert wall.sum() > 300
+    # The arm may cover a part of it in some of these poses.
+    changed = [np.abs(one - seen[0])[wall].max(axis=1) > 2.0 for one in seen[1:]]
+    assert np.median(np.mean(changed, axis=1)) < 0.03

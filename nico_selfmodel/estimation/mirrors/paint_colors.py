@@ -26,7 +26,7 @@ _GAIN_SIGMA = 0.3
 """What the gain of a picture may be off by."""
 _BRIGHTEST = 250.0
 """Grey level from which on a pixel is no longer as bright as what it shows."""
-_SLIPPED = 2.0
+_SLIPPED = 0.5
 """What an expected place may be off by [px]."""
 _FAR_OFF = 2.5
 """Robust standard deviations from which on a grey level counts less (Huber)."""
@@ -76,7 +76,7 @@ class PaintColors:
             The same where nothing is told.
         """
         count = len(self.described)
-        each = [_sums(view, count, area) for view in views]
+        each = [_sums(view, count, area, len(views)) for view in views]
         weight, seen = (np.array(part) for part in zip(*each, strict=True))
         told = weight.sum(axis=0)
         if not told.any():
@@ -91,10 +91,14 @@ class PaintColors:
         return PaintColors(self.described, colors, blocks)
 
 
-def _sums(view: AlignedView, count: int, area: float) -> tuple[NDArray, NDArray]:
-    """Return sum w M^2 and sum w M I / sum w M^2 of one picture's paints, red first. (3 K,) each.
+def _sums(view: AlignedView, count: int, area: float, pictures: int) -> tuple[NDArray, NDArray]:
+    """Return what one picture's paints are off by, sum w M I / sum w M^2, and its information.
 
-    w is what a pixel tells, less where an edge may lie elsewhere.
+    w is what a pixel tells, less where an edge may lie elsewhere. All edges of a small shape may do
+    so alike, and in all pictures: that does not become less in their mean.
+
+    Returns:
+        Information and share, red first. Shape (3 K,) each.
     """
     down, right = np.gradient(view.expected, axis=(0, 1))
     assert view.paints is not None
@@ -110,8 +114,11 @@ def _sums(view: AlignedView, count: int, area: float) -> tuple[NDArray, NDArray]
         errors = (seen - found[cell] * expected) / np.sqrt(1.0 + edge)
         scale = max(1.4826 * float(np.median(np.abs(errors[shown]))), 0.3) if shown.any() else 1.0
         share = np.minimum(1.0, _FAR_OFF * scale / np.maximum(np.abs(errors), 1e-9))
-    level = _total(cell, share * w * expected**2, count)
-    return level / (scale**2 * area), _ratio(cell, share * w, expected, seen, count)
+    w *= share
+    level = np.maximum(_total(cell, w * expected**2, count), 1e-12)
+    slipped = _total(cell, w * expected * np.sqrt(edge), count) / level
+    told = 1.0 / (scale**2 * area / level + pictures * slipped**2)
+    return np.where(level > 1e-12, told, 0.0), _ratio(cell, w, expected, seen, count)
 
 
 def _ratio(cell: NDArray, w: NDArray, expected: NDArray, seen: NDArray, count: int) -> NDArray:

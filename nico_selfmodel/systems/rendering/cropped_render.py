@@ -97,6 +97,9 @@ class CroppedRender:
     """How."""
     near: float = _NEAR
     """What is nearer along the optical axis is cut off [m]."""
+    turns: bool = True
+    """Whether a part may be seen by a turned camera. What stands still behind is drawn otherwise
+    then whenever something moves before it, as if it moved, too."""
     outlines: Outlines = field(default_factory=Outlines)
     """Boxes around all that is drawn."""
     _unseen: set[Beside] = field(default_factory=set)
@@ -113,7 +116,7 @@ class CroppedRender:
         """Render only where anything is, by a turned camera where that is less."""
         bounds = self._bounds(query)
         window = self._around(bounds)
-        if bounds is not None:
+        if self.turns and bounds is not None:
             part = self._turned(query, bounds, (window[2] - window[0]) * (window[3] - window[1]))
             if part is not None:
                 return part

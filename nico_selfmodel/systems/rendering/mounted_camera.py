@@ -53,6 +53,8 @@ class MountedCamera:
         glasses: Sequence[Glass] = (),
         sights: Sequence[Sight] = (),
         background: Sequence[float] = (0.0, 0.0, 0.0),
+        *,
+        turns: bool = True,
     ) -> None:
         """Mount the camera.
 
@@ -63,6 +65,7 @@ class MountedCamera:
             renderer: Name of the renderer in the scene graph.
             sights: What is looked at closely.
             background: Red, green, blue of the renderer where nothing is, of 1.
+            turns: Whether a part of a picture may be rendered turned (`CroppedRender.turns`).
 
         Raises:
             ModelError: If the lens sees too wide to be rendered.
@@ -72,7 +75,9 @@ class MountedCamera:
         )
         X_FC = RigidTransform(pose=camera.X_WC)
         warp = self._warp
-        self._pinhole = CroppedRender(renderer, warp.render_size, warp.render_K, frame, X_FC)
+        self._pinhole = CroppedRender(
+            renderer, warp.render_size, warp.render_K, frame, X_FC, turns=turns
+        )
         self._glasses, self._sights = tuple(glasses), tuple(sights)
         self._background = np.rint(255.0 * np.array([*background, 1.0])).astype(np.uint8)
 

@@ -83,6 +83,7 @@ class StereoCameras(Closable, LeafSystem):
         glasses: Sequence[Glass] = (),
         sights: Sequence[Sight] = (),
         background: Sequence[float] = (0.0, 0.0, 0.0),
+        turns: bool = True,
     ) -> None:
         """Mount the cameras.
 
@@ -95,6 +96,7 @@ class StereoCameras(Closable, LeafSystem):
             sights: What somebody looks at who need not see the rest; not with glasses, nor with
                 more than one exposure.
             background: Red, green, blue of the renderer where nothing is, of 1.
+            turns: Whether a part of a picture may be rendered turned (`CroppedRender.turns`).
 
         Raises:
             ModelError: If a lens sees too wide to be rendered.
@@ -110,7 +112,14 @@ class StereoCameras(Closable, LeafSystem):
         self._seed = np.ravel(seed)
         self.__cameras = [
             MountedCamera(
-                camera, frame, self.quality.supersample, renderer, glasses, sights, background
+                camera,
+                frame,
+                self.quality.supersample,
+                renderer,
+                glasses,
+                sights,
+                background,
+                turns=turns,
             )
             for camera, frame in zip(rig.cameras, frames, strict=True)
         ]

@@ -155,7 +155,7 @@ class NicoStation(Closable, Diagram):
         builder.AddNamedSystem("servos", servos)
         self.__holder, cameras, poses, self.__marks = _add_scene(
             builder, servos, arm, body, BOARD, quality, noise, mirror, room, near_marks,
-            world.paint_sigma,
+            world,
         )  # fmt: skip
         scene: Any = builder.GetMutableSubsystemByName("scene")
         self.__scene: SceneGraph = scene
@@ -325,14 +325,14 @@ def _add_scene(
     mirror: MirrorPlate | None,
     room: Sequence[TagCard],
     near_marks: bool,
-    paint_sigma: float,
+    world: Imperfections,
 ) -> tuple[BoardHolder, StereoCameras, BodyPoses, MarkOnBody]:
     """Add what is to be seen, and what sees it."""
     scene_graph = SceneGraph()
     builder.AddNamedSystem("scene", scene_graph)
     built = body.in_scene(scene_graph)
-    if paint_sigma > 0.0:
-        paint_otherwise(scene_graph, built, paint_sigma, np.random.default_rng((seed[0], 51)))
+    if world.paint_sigma > 0.0:
+        paint_otherwise(scene_graph, built, world.paint_sigma, np.random.default_rng((seed[0], 51)))
     add_renderer(scene_graph, glare=mirror is not None, lamps=bool(room))
     _mark(scene_graph, built, arm)
     hang_cards(scene_graph, room)
@@ -354,6 +354,7 @@ def _add_scene(
         glasses=glasses,
         sights=sights_on(built, points),
         background=ROOM,
+        turns=not world.papered,
     )
     builder.AddNamedSystem("board", holder)
     builder.AddNamedSystem("cameras", cameras)
