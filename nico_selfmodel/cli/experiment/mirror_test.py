@@ -56,7 +56,6 @@ def mirror_test(
     chosen = replace(
         imperfections_named(imperfections), papered=walls == "papered", paint_sigma=PAINT_SIGMA
     )
-
     plate = glass_named(glass)
     from nico_selfmodel.experiments.mirror_test.report import report_of
     from nico_selfmodel.experiments.mirror_test.robots_apart import run_apart

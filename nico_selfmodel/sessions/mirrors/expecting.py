@@ -138,8 +138,7 @@ class Expecting:
         """Return an expected picture, what is judged of it, and how well it is known."""
         sigma = self.pixel_sigma(side, seen)
         share = self._by_link(seen, self.unknown.colors, self.unknown.color)
-        # Of the last paint, where there is none; of which nothing is to be known, then.
-        paint_sigma = np.append(self.image.paint_sigma, 0.0)
+        paint_sigma = np.append(self.image.paint_sigma, 0.0)  # number -1 is no paint
         share = np.hypot(share, paint_sigma[seen.paints])
         return Expectation(bgr_of_rgba(seen.color), sigma, self.noise[side], share)
 
