@@ -114,10 +114,10 @@ def test_colours_other_than_described_are_told_and_do_not_move_the_body(image):
     shot = Shot("mirror", readings(), (pictures[0].astype(np.uint8), pictures[1].astype(np.uint8)))
     known = know_body(image, model, [shot])
     paints = known.paints
-    seen = paints.sigma < 0.01
+    seen = paints.sigma < 0.03
     assert seen.sum() >= 5
     off = paints.colors[seen] / real[seen]
-    assert np.abs(off / np.median(off) - 1.0).max() < 0.02
+    assert np.abs(off / np.median(off) - 1.0).max() < 0.03
     assert np.abs(described[seen] / real[seen] - 1.0).max() > 0.1
     # Of what no picture shows the description is all that is known.
     assert paints.colors[paints.sigma > 0.149] == pytest.approx(described[paints.sigma > 0.149])
