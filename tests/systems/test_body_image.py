@@ -41,6 +41,13 @@ def image():
 
 
 @pytest.mark.slow
+def test_colours_that_are_none_are_refused(image):
+    for colors in (1.0 + image.paints, image.paints[:1]):
+        with pytest.raises(ValueError, match="colors must"):
+            image.paint(colors, np.zeros(len(image.paints)))
+
+
+@pytest.mark.slow
 def test_a_painted_body_is_expected_in_its_colours_and_where_it_was(image):
     readings = true_model().servos.to_encoder(0.5 * (nico().arm.lower + nico().arm.upper))
     before = image.expect(readings, DEFAULT_MIRROR, 0)

@@ -95,7 +95,10 @@ def _sums(view: AlignedView, count: int, area: float, pictures: int) -> tuple[ND
     """Return what one picture's paints are off by, sum w M I / sum w M^2, and its information.
 
     w is what a pixel tells, less where an edge may lie elsewhere. All edges of a small shape may do
-    so alike, and in all pictures: that does not become less in their mean.
+    so alike, by d, and in all P pictures: that does not become less in their mean. With s the noise
+    and a the pixels that err alike, the information is
+
+        1 / (s^2 a / sum w M^2 + P b^2),  b = sum w M d |grad M| / sum w M^2
 
     Returns:
         Information and share, red first. Shape (3 K,) each.
@@ -147,7 +150,7 @@ def _shares(weight: NDArray, seen: NDArray, prior: NDArray) -> tuple[NDArray, ND
         information[:size, :size] = np.diag((by_r * g[:, None]).sum(axis=0) + 1.0 / (
             DESCRIBED_SIGMA * prior) ** 2)  # fmt: skip
         information[size:, size:] = np.diag((by_g * r).sum(axis=1) + _GAIN_SIGMA**-2)
-        information[size:, :size] = weight * g[:, None] * r
+        information[size:, :size] = by_r * r
         information[:size, size:] = information[size:, :size].T
         pull = np.append(
             (by_r * error).sum(axis=0) + (prior - r) / (DESCRIBED_SIGMA * prior) ** 2,

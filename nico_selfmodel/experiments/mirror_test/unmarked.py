@@ -97,19 +97,16 @@ def _paints(known: Knowing) -> PaintsOff:
     with known.before.station(_DAY) as station:
         surfaces = station.surfaces_true(station.CreateDefaultContext())
     with BodyImage(known.before.nico.arm, known.robot.model) as image:
-        described = image.surfaces
+        described, paints = image.surfaces, [tuple(color) for color in image.paints.tolist()]
     true = {
-        tuple(color): np.array(real)
+        tuple(color): real
         for link, own in described.items()
-        if len(own.colors) == len(surfaces[link][0].colors)
-        for color, real in zip(own.colors.tolist(), surfaces[link][0].colors.tolist(), strict=True)
+        if len(own.colors) == len(surfaces[link][0].colors)  # hands are marked otherwise
+        for color, real in zip(own.colors.tolist(), surfaces[link][0].colors, strict=True)
     }
     found = known.body.paints
-    seen = [
-        k for k, color in enumerate(found.described.tolist())
-        if found.sigma[k] < _KNOWN and tuple(color) in true
-    ]  # fmt: skip
-    real = np.array([true[tuple(found.described[k].tolist())] for k in seen]).reshape(-1, 3)
+    seen = [k for k, color in enumerate(paints) if found.sigma[k] < _KNOWN and color in true]
+    real = np.array([true[paints[k]] for k in seen]).reshape(-1, 3)
     described, learned = (_off(one[seen] / real) for one in (found.described, found.colors))
     # Colours and the light on them, as the expectation counts them.
     sigma = np.hypot(found.sigma[seen], COLOR_SIGMA)

@@ -79,7 +79,7 @@ def unmarked_table(stage: UnmarkedStage) -> Table:
 
 def paints_table(stage: UnmarkedStage) -> Table:
     """Return a row for each robot."""
-    headings = ("robot", "paints", "described", "learned", "largest", "sigma")
+    headings = ("robot", "paints", "described", "learned", "learned, largest", "sigma")
     rows = [
         [
             str(one.robot),

@@ -13,6 +13,7 @@ from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 from pydrake.systems.sensors import ImageDepth32F, ImageLabel16I
 
+from nico_selfmodel.arrays import frozen_array
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflection
 from nico_selfmodel.geometry.rotation import rotation_from_vector
@@ -217,13 +218,21 @@ class BodyImage(Closable, LeafSystem):
         Args:
             colors: Of each of `paints`, of 1. Shape (K, 3).
             sigma: What it is not known by, as a share. Shape (K,).
+
+        Raises:
+            ValueError: If either has another shape, or a colour is not from 0 to 1.
         """
         self.require_open()
-        self.paint_sigma = np.array(sigma, dtype=float)
+        colors = frozen_array(colors, self.paints.shape, "colors")
+        if not ((colors >= 0.0) & (colors <= 1.0)).all():
+            raise ValueError(
+                f"colors must be from 0 to 1, got {colors.min():g} to {colors.max():g}"
+            )
+        self.paint_sigma = frozen_array(sigma, (len(colors),), "sigma")
         if np.array_equal(colors, self._colors):
             return
         self._last = [None, None]
-        self._colors = np.array(colors, dtype=float)
+        self._colors = colors
         each = zip(self.paints.tolist(), self._colors.tolist(), strict=True)
         new = {(*old,): (*one,) for old, one in each}
         context: Any = self.__scene.GetMyMutableContextFromRoot(self.__context)

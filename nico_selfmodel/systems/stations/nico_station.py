@@ -154,9 +154,8 @@ class NicoStation(Closable, Diagram):
         servos = EncoderModel(body.mechanics, start, seed=noise)
         builder.AddNamedSystem("servos", servos)
         self.__holder, cameras, poses, self.__marks = _add_scene(
-            builder, servos, arm, body, BOARD, quality, noise, mirror, room, near_marks,
-            world,
-        )  # fmt: skip
+            builder, servos, arm, body, BOARD, quality, noise, mirror, room, near_marks, world
+        )
         scene: Any = builder.GetMutableSubsystemByName("scene")
         self.__scene: SceneGraph = scene
         if world.papered and mirror is not None:  # else they are behind the cameras
