@@ -100,6 +100,9 @@ def numbered_rows(rows: NDArray) -> tuple[NDArray, NDArray]:
     keys = np.zeros(len(rows))
     for place, column in enumerate(rows.T):
         keys += np.sqrt(2.0 + place) * column
+    if (np.diff(np.sort(keys)) > 0.0).all():  # without indices a sort takes a fifth of the time
+        every = np.arange(len(rows))
+        return every, every
     _, lead, same = np.unique(keys, return_index=True, return_inverse=True)
     if not (rows[lead][same.reshape(len(rows))] == rows).all():
         _, lead, same = np.unique(rows, axis=0, return_index=True, return_inverse=True)

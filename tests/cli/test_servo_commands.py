@@ -254,6 +254,7 @@ def test_the_hand_opens_and_closes(command):
     assert_one_clear_line(command("hand", "open", "--port", "/dev/null", "--yes"), "/dev/null")
 
 
+@pytest.mark.slow
 def test_steps_are_recorded_and_tell_how_a_joint_follows_its_commands(
     servo, command, bus, tmp_path
 ):

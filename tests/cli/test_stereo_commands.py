@@ -78,6 +78,7 @@ def test_photographs_become_cameras_that_are_where_they_were_drawn(cameras):
     assert names == {"self_model.yaml", "result.json", "report.html", "residuals.csv", "scene.json"}
 
 
+@pytest.mark.slow
 def test_one_camera_alone_is_a_command_of_its_own(photographs, tmp_path, command):
     out = tmp_path / "camera"
     words = ("--fixed-aspect", "--tangential", "--fix", "k3=0", "--camera", "right", "--json")

@@ -178,6 +178,7 @@ def test_zeros_of_a_whole_body_are_found_again(after_restart, command, tmp_path)
     assert "the rest of the body no longer fits" in wrong.stdout
 
 
+@pytest.mark.slow
 def test_a_tool_of_a_whole_body_is_learned(after_restart, command, tmp_path):
     body, out = load_body(after_restart / "body.yaml"), tmp_path / "out"
     kept = tuple(m for m in body.tree.markers if m.name != "left_finger_tip")

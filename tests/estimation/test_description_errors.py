@@ -43,6 +43,7 @@ def asked(seed, turn, place, noise=1e-3, told=slice(None)):
     return found[NAMES[0]][1], found[NAMES[25]][1]
 
 
+@pytest.mark.slow
 def test_the_data_tell_how_far_parts_are_off():
     found = np.array([asked(seed, 0.01, 0.003) for seed in range(40)])
     assert np.sqrt(np.mean(found**2, axis=0)) == pytest.approx([0.01, 0.003], rel=0.07)

@@ -85,6 +85,7 @@ def test_a_response_that_takes_its_time_is_followed_to_its_minimum(monkeypatch):
     assert found.model.joints[0].rate == pytest.approx(whole.model.joints[0].rate, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", ["deg", "rad"])
 def test_the_unit_of_the_encoder_makes_no_difference(unit):
     counts, other = (
@@ -94,6 +95,7 @@ def test_the_unit_of_the_encoder_makes_no_difference(unit):
         assert _numbers(other)[name][0] == pytest.approx(value, rel=0.02)
 
 
+@pytest.mark.slow
 def test_nothing_held_out_is_not_evaluated_and_a_second_recording_is_held_out():
     servos = SERVOS[:1]
     train, test = (steps_recorded(servos, seed) for seed in (3, 4))

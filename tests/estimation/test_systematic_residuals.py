@@ -59,6 +59,7 @@ def test_coupling_is_named_by_the_joint_that_is_moved(truth):
     assert found[0].startswith("the other joints at joint_1 (coupling)")
 
 
+@pytest.mark.slow
 def test_backlash_is_named_with_its_half_width(truth):
     q = truth.poses(120, 1)
     side = np.sign(np.diff(q, axis=0, prepend=q[:1]))

@@ -62,6 +62,7 @@ def test_joints_of_a_chain_that_are_read_worse_than_others_do_not_count_as_slipp
     assert sigma[[0, 1, 2, 5]].max() < 0.6 * LOUD
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("times", "named"), [(20.0, True), (1.0, False)])
 def test_a_joint_that_is_read_worse_than_others_is_named(times, named):
     noise = np.full(5, 2e-4) * np.where(np.arange(5) == 2, times, 1.0)

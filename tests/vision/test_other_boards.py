@@ -156,6 +156,7 @@ def test_a_circle_with_glare_is_not_seen_and_the_rest_is(kind, aside, photograph
     assert np.nanmax(np.abs(seen.corners - photo.pixels)) < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("columns", "seen"), [(2, True), (3, False)])
 def test_a_grid_is_seen_while_a_quarter_of_it_is_lost_at_most(
     columns, seen, photograph, monkeypatch
@@ -187,6 +188,7 @@ def test_what_a_card_hides_is_not_seen_and_the_rest_is(kind, photograph):
     assert np.mean(seen[photo.free]) > 0.6
 
 
+@pytest.mark.slow
 def test_boards_of_older_opencv_begin_with_a_tag():
     printed = printed_boards.charuco_print(8, 6, 0.03, 0.022, TAGS_5X5, legacy=True)
     board = board_of("charuco:7x5", 30, 22, "aruco_5x5_100")
