@@ -343,15 +343,13 @@ def test_an_error_in_a_later_stage_fails_it_and_keeps_what_went_before():
 
 
 def test_a_robot_that_finds_no_shape_fails_the_third_stage_alone():
-    nothing = StructureStage((), 14, (Refusal(7, "the hand was seen in 5 of 12 mirrors"),))
+    nothing = StructureStage((), 14, (Refusal(7, "no shape of its arm: 5 poses show the hand"),))
     report = report_of(
         MirrorTest(stage(15), images(5), mirrors(10), nothing, unmarked=looks(100, 0))
     )
     stages = {one["stage"]: one for one in report.document["stages"]}
     assert stages["3"]["status"] == "FAIL"
-    assert stages["3"]["reasons"] == [
-        "robot 7 learned no shape: the hand was seen in 5 of 12 mirrors"
-    ]
+    assert stages["3"]["reasons"] == ["robot 7 learned no shape of its arm: 5 poses show the hand"]
     assert stages["4"]["status"] == "PASS"
 
 
