@@ -73,7 +73,7 @@ def learn_arm_structure(robot: Acquainted, stage: Stage) -> ArmStructure:
         looks = Path(folder) / "arm"
         data, surfaces = look_at_arm(robot, looks, stage)
         free_memory()
-        rng = np.random.default_rng((robot.seed, 47))
+        rng = np.random.default_rng((robot.seed, 54))
         shape = shape_of_arm(robot.model, data, looks, ARM_LINKS, rng, stage)
     counted = shape.errors.sample[shape.errors.expected]
     return ArmStructure(shape, tuple(surfaces[int(sample)] for sample in counted))
