@@ -7,11 +7,11 @@ from types import MappingProxyType
 import numpy as np
 
 from nico_selfmodel.errors import DataError, EstimationError, ModelError
-from nico_selfmodel.experiments.mirror_test.arm_structure import judged_arm
 from nico_selfmodel.experiments.mirror_test.link_structure import (
     NEAR,
     SEEN,
     LinkStructure,
+    judged_arm,
     posed,
     share,
 )

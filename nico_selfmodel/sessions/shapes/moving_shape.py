@@ -17,7 +17,7 @@ from nico_selfmodel.estimation.shape.fusion import DepthView, first_surface
 from nico_selfmodel.estimation.shape.refinement import MOVING_STEPS, RefinedSurface
 from nico_selfmodel.estimation.shape.shape_views import ShapeView, ShapeViews
 from nico_selfmodel.estimation.shape.standpoints import OnLink
-from nico_selfmodel.geometry.transform import inverse
+from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.shape.link_shape import BodyShape
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
@@ -41,6 +41,8 @@ _INSIDE = -1.0
 """Depths count so far inside of the outline [px]."""
 _ROOM, _ALIKE = 0.3, 8.0
 """Least share of a picture that a plain room covers, and by how much its colour varies there."""
+_ABOUT = 10
+"""Pixels of a picture about what may be a body, by which it is blurred [px]."""
 _LEAST = 400
 """Pixels of a body without which a picture does not count."""
 _GATE_6 = 22.458
@@ -168,7 +170,7 @@ class _Seen:
             np.where(look.covered(image, rigid.links, side), np.nan, outside)
             for side, outside in enumerate(told.beyond)
         ]
-        pixels = rig.project(rigid.corners(X_WF))
+        pixels = rig.project(apply(X_WF, rigid.places))
         self.views.extend(
             _cropped(ShapeView(k, side, picture, beyond[side]), pixels[:, 2 * side : 2 * side + 2])
             for side, picture in enumerate(look.pictures)
@@ -238,12 +240,11 @@ def room_color(picture: NDArray) -> NDArray:
 
 
 def _cropped(view: ShapeView, pixels: NDArray) -> ShapeView:
-    """Return the part of a picture about some pixels, all of it where one is out of view."""
+    """Return the part of a picture in which some places are, nan of those out of view. (N, 2)."""
     height, width = view.beyond.shape
-    if not np.isfinite(pixels).all():
-        return view
-    left, top = np.clip(np.floor(pixels.min(axis=0)).astype(int), 0, [width - 8, height - 8])
-    right, low = np.clip(np.ceil(pixels.max(axis=0)).astype(int) + 1, 8, [width, height])
+    seen = pixels[np.isfinite(pixels).all(axis=1)]
+    left, top = np.clip(seen.min(axis=0).astype(int) - _ABOUT, 0, [width - 8, height - 8])
+    right, low = np.clip(seen.max(axis=0).astype(int) + _ABOUT, 8, [width, height])
     part = np.s_[top:low, left:right]
     picture, beyond = view.picture[part].copy(), view.beyond[part].copy()  # not the whole of both
     return replace(view, picture=picture, beyond=beyond, corner=(int(left), int(top)))
