@@ -505,7 +505,9 @@ def test_one_robot_tells_itself_from_others_and_finds_marks_on_itself(tmp_path, 
     stages = {one["stage"]: one for one in document["stages"]}
     assert stages["1"]["status"] == stages["4"]["status"] == "NOT_EVALUATED"
     assert all(row["wrong"] == 0 for row in stages["1"]["encounters"])
-    assert {row["link"] for row in stages["3"]["links"]} <= {"head", "chest"}
+    links = {row["link"] for row in stages["3"]["links"]}
+    assert {"right_forearm", "right_hand"} <= links
+    assert links <= {"head", "chest", "right_forearm", "right_hand"}
     assert stages["5"]["marks"] == 4
     assert stages["5"]["hits"] >= 2
-    assert {"tables.md", "mark.png", "surprise.png"} <= {path.name for path in out.iterdir()}
+    assert {"tables.md", "mark.png", "surprise.png", "arm.png"} <= {path.name for path in out.iterdir()}
