@@ -510,4 +510,6 @@ def test_one_robot_tells_itself_from_others_and_finds_marks_on_itself(tmp_path, 
     assert links <= {"head", "chest", "right_forearm", "right_hand"}
     assert stages["5"]["marks"] == 4
     assert stages["5"]["hits"] >= 2
-    assert {"tables.md", "mark.png", "surprise.png", "arm.png"} <= {path.name for path in out.iterdir()}
+    assert {"tables.md", "mark.png", "surprise.png", "arm.png"} <= {
+        path.name for path in out.iterdir()
+    }

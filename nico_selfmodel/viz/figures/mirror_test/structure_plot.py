@@ -44,7 +44,7 @@ def structure_plot(links: Sequence[ShownLink], title: str, *, mirrored: bool = T
     """
     errors = [np.linalg.norm(one.mesh.vertices - one.p_LT, axis=1) for one in links]
     with style():
-        figure = PlainFigure(figsize=(FULL_WIDTH, 5.6))
+        figure = PlainFigure(figsize=(FULL_WIDTH, _height(links)))
         first, second, cut = figure.subplots(1, 3, sharey=True)
         drawn = None
         for axes, values, name in (
@@ -65,6 +65,12 @@ def structure_plot(links: Sequence[ShownLink], title: str, *, mirrored: bool = T
         cut.set_xlabel("z, to the mirror [mm]" if mirrored else "z, away from the cameras [mm]")
         headline(figure, title)
     return figure
+
+
+def _height(links: Sequence[ShownLink]) -> float:
+    """Return how high a figure is, so that three panels without much room about them fit in."""
+    span = np.ptp(np.concatenate([one.mesh.vertices for one in links]), axis=0)
+    return float(np.clip(1.6 + FULL_WIDTH / 3.6 * span[1] / max(span[0], 1e-3), 3.6, 5.6))
 
 
 def _front(axes: Axes, mesh: TriangleMesh, values: NDArray, front: float) -> PolyCollection:
