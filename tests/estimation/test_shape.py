@@ -11,7 +11,7 @@ from nico_selfmodel.estimation.shape import refinement
 from nico_selfmodel.estimation.shape.fair_surface import FairSurface, Neighbours
 from nico_selfmodel.estimation.shape.fusion import DepthView, first_surface
 from nico_selfmodel.estimation.shape.picture_equations import PictureEquations
-from nico_selfmodel.estimation.shape.refinement import refine_surface
+from nico_selfmodel.estimation.shape.refinement import STEPS, refine_surface
 from nico_selfmodel.estimation.shape.shape_views import ShapeView, ShapeViews, nearest_of, sampled
 from nico_selfmodel.estimation.shape.standpoints import InMirror
 from nico_selfmodel.geometry.rotation import rotation_from_vector
@@ -22,6 +22,7 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.sessions.mirrors.learned_shape import claimed
 from nico_selfmodel.vision.images.image_array import smoothed_within
 
 CENTER, RADIUS = np.array([0.03, 0.1, -0.05]), 0.07
@@ -215,6 +216,39 @@ def test_sigma_is_what_vertices_are_off_by_where_mirrors_and_cameras_are_wrong(s
     assert np.sqrt(np.mean((off / sigma[:, None]) ** 2)) == pytest.approx(1.0, abs=0.1)
     alone = refinement._sigma(told, fair, 0.0 * root, rng)
     assert np.mean(sigma) > 1.5 * np.mean(alone)
+
+
+def test_colours_that_disagree_where_a_surface_jumps_tell_nothing_of_what_is_about():
+    mesh = ball(0.03, 0.01)
+    size = len(mesh.vertices)
+    jump = mesh.vertices[:, 0] > CENTER[0] + 0.02
+    told = PictureEquations(
+        np.full(size, 2e6), np.zeros(size), np.zeros((size, 1)), np.eye(1), np.zeros(1),
+        np.zeros((size, 3)), np.where(jump, 60.0, 1.0), np.full(size, 20),
+    )  # fmt: skip
+    known = told, fair_of(mesh), np.zeros((1, 1))
+    agreed = replace(told, chi_square=np.ones(size)), *known[1:]
+    plain, about, apart = (
+        refinement._sigma(*own, np.random.default_rng(0), which)
+        for own, which in ((agreed, None), (known, None), (known, jump))
+    )
+    assert np.min(about[~jump] / plain[~jump]) > 1.1
+    np.testing.assert_allclose(apart, plain)
+
+
+def test_nothing_is_known_where_a_surface_jumps():
+    views, _ = seen()
+    rng, start = np.random.default_rng(0), ball(RADIUS, 0.02)
+
+    def right(p):
+        return p[:, 0] > CENTER[0] + 0.02
+
+    found = refine_surface(start, lambda _: views, rng, steps=STEPS[-1:], jumps=right)
+    assert 10 < right(found.mesh.vertices).sum() < 0.5 * len(start.vertices)
+    assert np.array_equal(np.isinf(found.sigma), right(found.mesh.vertices))
+    assert not claimed(found)[right(found.mesh.vertices)].any()
+    whole = refine_surface(start, lambda _: views, rng, steps=STEPS[-1:])
+    assert np.isfinite(whole.sigma).all()
 
 
 def test_what_is_turned_away_or_beyond_the_outline_is_not_shown():

@@ -343,15 +343,13 @@ def test_an_error_in_a_later_stage_fails_it_and_keeps_what_went_before():
 
 
 def test_a_robot_that_finds_no_shape_fails_the_third_stage_alone():
-    nothing = StructureStage((), 14, (Refusal(7, "the hand was seen in 5 of 12 mirrors"),))
+    nothing = StructureStage((), 14, (Refusal(7, "no shape of its arm: 5 poses show the hand"),))
     report = report_of(
         MirrorTest(stage(15), images(5), mirrors(10), nothing, unmarked=looks(100, 0))
     )
     stages = {one["stage"]: one for one in report.document["stages"]}
     assert stages["3"]["status"] == "FAIL"
-    assert stages["3"]["reasons"] == [
-        "robot 7 learned no shape: the hand was seen in 5 of 12 mirrors"
-    ]
+    assert stages["3"]["reasons"] == ["robot 7 learned no shape of its arm: 5 poses show the hand"]
     assert stages["4"]["status"] == "PASS"
 
 
@@ -507,7 +505,11 @@ def test_one_robot_tells_itself_from_others_and_finds_marks_on_itself(tmp_path, 
     stages = {one["stage"]: one for one in document["stages"]}
     assert stages["1"]["status"] == stages["4"]["status"] == "NOT_EVALUATED"
     assert all(row["wrong"] == 0 for row in stages["1"]["encounters"])
-    assert {row["link"] for row in stages["3"]["links"]} <= {"head", "chest"}
+    links = {row["link"] for row in stages["3"]["links"]}
+    assert {"right_forearm", "right_hand"} <= links
+    assert links <= {"head", "chest", "right_forearm", "right_hand"}
     assert stages["5"]["marks"] == 4
     assert stages["5"]["hits"] >= 2
-    assert {"tables.md", "mark.png", "surprise.png"} <= {path.name for path in out.iterdir()}
+    assert {"tables.md", "mark.png", "surprise.png", "arm.png"} <= {
+        path.name for path in out.iterdir()
+    }

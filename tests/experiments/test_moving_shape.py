@@ -8,11 +8,15 @@ import pytest
 
 from nico_selfmodel.errors import DataError, EstimationError
 from nico_selfmodel.estimation.noise.joints_by_hand import joints_by_hand
+from nico_selfmodel.estimation.shape.shape_views import ShapeView, sampled
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.cameras.mirror_rig import projected
 from nico_selfmodel.model.self_model_file import save_model
 from nico_selfmodel.model.shape.shape_folder import load_shape
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
-from nico_selfmodel.sessions.shapes.moving_shape import room_color, shape_of_arm
+from nico_selfmodel.sessions.shapes.card import Card, card_of
+from nico_selfmodel.sessions.shapes.moving_shape import _ABOUT, _cropped, room_color, shape_of_arm
 from nico_selfmodel.sessions.shapes.rigid_body import RigidBody, all_move, moving_with
 from nico_selfmodel.systems.looking import touching_arm
 
@@ -92,6 +96,51 @@ def test_a_recording_that_tells_no_moving_link_says_why(tmp_path, command):
     done = command(*words, tmp_path / "out", "--link", "right_forearm")
     assert_one_clear_line(done, "a shape takes 15")
     assert not (tmp_path / "out").exists()
+
+
+def square(half=0.015, tilt=0.0):
+    """Return the corners of a marker in the order in which they are located. Shape (4, 3)."""
+    flat = half * np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    return np.array([0.01, 0.02, 0.03]) + flat @ rotation_from_vector([tilt, 0.0, 0.0]).T
+
+
+def test_a_card_is_wider_than_its_marker_and_has_a_rim():
+    # Eight cells of 3 mm, and one of white on each side.
+    card = Card.of_corners(square(half=0.012, tilt=0.6))
+    assert card.half == pytest.approx(0.015)
+    np.testing.assert_allclose(card.X_FC[:3, 3], [0.01, 0.02, 0.03], atol=1e-12)
+    at = np.array([0.0, 0.0105, 0.0115, 0.0185, 0.0195])
+    beside = np.stack([at, np.zeros(5), np.zeros(5)], axis=1)
+    asked = [beside, beside[:, [1, 0, 2]], beside - [0, 0, 9e-3], beside - [0, 0, 11e-3]]
+    found = [card.at_rim(apply(card.X_FC, p)).tolist() for p in asked]
+    rim = [False, False, True, True, False]
+    assert found == [rim, rim, rim, [False] * 5]
+
+
+def test_the_card_is_where_the_arm_has_the_corners_of_its_marker():
+    model, readings = seeing(), poses(mirror="").encoders[1]
+    q = model.servos.to_joint(readings)
+    assert card_of(model, readings, np.eye(4)) is None
+    names = ("fiducial", *(f"fiducial_{k}" for k in range(4)))
+    table = replace(model.dh, markers=names, p_NH=np.vstack([model.dh.p_NH[:1], square(0.012)]))
+    found = card_of(replace(model, table=table), readings, np.eye(4))
+    four = np.array([replace(model, table=table).points(q, k) for k in range(1, 5)])
+    np.testing.assert_allclose(found.X_FC[:3, 3], four.mean(axis=0), atol=1e-12)
+    assert found.half == pytest.approx(0.015)
+
+
+def test_of_a_picture_that_part_is_kept_in_which_a_body_may_be():
+    whole = np.arange(480.0 * 640).reshape(480, 640)
+    view = ShapeView(0, 1, np.repeat(whole[:, :, None], 3, axis=2), whole)
+    at = np.array([[200.4, 100.2], [np.nan, np.nan], [260.9, 131.0]])
+    part = _cropped(view, at)
+    assert part.corner == (200 - _ABOUT, 100 - _ABOUT)
+    assert part.beyond.shape == (31 + 2 * _ABOUT, 60 + 2 * _ABOUT)
+    assert part.picture.shape == (*part.beyond.shape, 3)
+    np.testing.assert_allclose(sampled(part.beyond, at[::2] - part.corner), sampled(whole, at[::2]))
+    assert part.beyond.base is None  # the whole picture is not kept with it
+    edge = _cropped(view, np.array([[0.0, 470.0], [5.0, 479.0]]))
+    assert (edge.corner, edge.beyond.shape) == ((0, 470 - _ABOUT), (10 + _ABOUT, 5 + _ABOUT))
 
 
 @pytest.mark.parametrize(("rows", "plain"), [(31, True), (29, False)])

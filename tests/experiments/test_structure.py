@@ -12,7 +12,7 @@ from nico_selfmodel.estimation.shape.refinement import FEWEST, RefinedSurface
 from nico_selfmodel.experiments.mirror_test import stages, structure
 from nico_selfmodel.experiments.mirror_test.structure import LinkStructure, StructureStage
 from nico_selfmodel.experiments.mirror_test.structure_report import (
-    structure_chart,
+    structure_charts,
     structure_document,
     structure_table,
 )
@@ -108,7 +108,7 @@ def test_the_table_has_a_row_for_each_link_of_each_robot_and_one_for_all():
 
 
 def test_the_chart_shows_errors_sigmas_and_a_cut():
-    panels = structure_chart(stage(1)).axes
+    panels = structure_charts(stage(1))["structure"].axes
     titles = [axes.get_title(loc="left") for axes in panels]
     assert titles[:3] == [
         "off from the true surface", "sigma, as the robot says", "cut through the middle",
@@ -198,8 +198,10 @@ def test_a_robot_that_learns_no_shape_fails_the_stage_and_is_named(monkeypatch):
         raise EstimationError("the hand was seen well enough in 2 of 12 mirrors")
 
     monkeypatch.setattr(structure, "learn_structure", nothing)
+    monkeypatch.setattr(structure, "learn_arm_structure", nothing)
     robot = SimpleNamespace(robot=SimpleNamespace(seed=7))
     found = structure_document(structure.run_structure([robot]))
     assert found["status"] == "FAIL"
-    assert found["reasons"][0].startswith("robot 7 learned no shape: the hand was seen")
+    said = "robot 7 learned no shape of head and chest: the hand was seen"
+    assert found["reasons"][0].startswith(said)
     assert not structure_table(structure.run_structure([robot])).rows

@@ -84,7 +84,7 @@ class RefinedSurface:
     mesh: TriangleMesh
     """The surface."""
     sigma: NDArray
-    """Of each vertex along its normal [m]. Shape (V,)."""
+    """Of each vertex along its normal, inf where nothing is known [m]. Shape (V,)."""
     colors: NDArray
     """BGR, nan where no picture shows a vertex. Shape (V, 3)."""
     looks: NDArray
@@ -111,6 +111,7 @@ def refine_surface(
     progress: Callable[[int, int], None] | None = None,
     steps: Sequence[Step] = STEPS,
     gate: float = np.inf,
+    jumps: Callable[[NDArray], NDArray] | None = None,
 ) -> RefinedSurface:
     """Move vertices along their normals, and the standpoints, until all pictures agree.
 
@@ -122,6 +123,8 @@ def refine_surface(
         steps: What is done in turn; the last is `TOGETHER`.
         gate: Chi-square beyond which a standpoint that moves by itself is left out, with its
             pictures: what they show there is something else.
+        jumps: Which places lie where a surface is known to jump, shape (N, 3) -> (N,): no mesh
+            follows it there, so that nothing is known there, nor told of what is about.
     """
     neighbours = Neighbours.of(mesh)
     before = replace(blurred(steps[0].levels), views=())  # whose pictures are not kept
@@ -148,7 +151,8 @@ def refine_surface(
         if progress:
             progress(k + 1, len(steps))
     found, fair = _equations(mesh, neighbours, blurred, steps[-1], values, tau, sound)
-    sigma = _sigma(found, fair, covariance, rng)
+    apart = np.zeros(len(tau), dtype=bool) if jumps is None else jumps(mesh.vertices)
+    sigma = np.where(apart, np.inf, _sigma(found, fair, covariance, rng, apart))
     return RefinedSurface(mesh, sigma, found.colors, found.looks, before.placed(values).standpoints)
 
 
@@ -238,7 +242,11 @@ def _apart(before: ShapeViews, values: NDArray, found: PictureEquations, step: N
 
 
 def _sigma(
-    found: PictureEquations, fair: FairSurface, covariance: NDArray, rng: np.random.Generator
+    found: PictureEquations,
+    fair: FairSurface,
+    covariance: NDArray,
+    rng: np.random.Generator,
+    apart: NDArray | None = None,
 ) -> NDArray:
     """Return the standard deviations of vertices along their normals [m]. Shape (V,).
 
@@ -256,9 +264,12 @@ def _sigma(
         found: What the pictures tell of the surface.
         fair: How smooth it is.
         covariance: P. Shape (3 M + c, 3 M + c).
+        apart: Which vertices tell nothing of how far colours disagree about them. Shape (V,).
     """
     smooth = fair.neighbours.smoothed
     shown = well_shown(found, fair.neighbours).astype(float)
+    if apart is not None:
+        shown[apart] = 0.0
     disagreeing = np.maximum(1.0, smooth(np.minimum(found.chi_square, _ODD), PATCH, shown))
     drawn = fair.drawn(found.own, rng, _SAMPLES, _STEPS, disagreeing)
     by_value = fair.solved(found.own, found.coupling, _STEPS)

@@ -21,7 +21,7 @@ from nico_selfmodel.experiments.mirror_test.marks_report import (
 from nico_selfmodel.experiments.mirror_test.stage_document import as_json, stage_document
 from nico_selfmodel.experiments.mirror_test.stages import MirrorTest
 from nico_selfmodel.experiments.mirror_test.structure_report import (
-    structure_chart,
+    structure_charts,
     structure_document,
     structure_table,
 )
@@ -73,8 +73,7 @@ def report_of(test: MirrorTest) -> ExperimentReport:
     if test.structure is not None:
         stages.append(structure_document(test.structure))
         tables.append(structure_table(test.structure))
-        if any(len(one.off) for one in test.structure.links):
-            charts["structure"] = structure_chart(test.structure)
+        charts |= structure_charts(test.structure)
     if test.unmarked is not None:
         stages.append(unmarked_document(test.unmarked))
         tables += [unmarked_table(test.unmarked), paints_table(test.unmarked)]
@@ -104,8 +103,8 @@ def report_of(test: MirrorTest) -> ExperimentReport:
         f"**{document['status']}**: {'; '.join(document['reasons'])}.\n\n"
         "Stage 1, contingency: whose motion follows one's own? Stage 1b: is what moves with "
         "oneself a mirror, a picture or another? Stage 2: where "
-        "does a mirror stand that was never looked into? Stage 3, structure: what shape have head "
-        "and chest? Stage 4, the expected picture: does "
+        "does a mirror stand that was never looked into? Stage 3, structure: what shape have head, "
+        "chest, forearm and hand? Stage 4, the expected picture: does "
         "an unmarked head and chest look as expected? Stages 5, 6 and 8: is a mark found that is "
         "seen in mirrors only, where is it, and is nothing found where it is not? Stage 7: does "
         "the finger touch it, and nothing else the body? No other stage "
@@ -125,7 +124,7 @@ def _page(
     """Return the report as a page: the looks first, then every table."""
     about = "Do I look as I expect, and what is on me that was not there?"
     shown = (("mark", "A look at a mark"), ("surprise", "A look at the unmarked body"),
-             ("structure", "The shape of head and chest"),
+             ("structure", "The shape of head and chest"), ("arm", "The shape of forearm and hand"),
              ("contingency", "Whose motion follows one's own"))  # fmt: skip
     drawn = [
         section(title, Drawing(charts[name], title)) for name, title in shown if name in charts
@@ -140,7 +139,7 @@ def _page(
 
 
 KEPT_OFF = "learned where it was seen (stage 3), beside what its description gives"
-DERIVED_SHAPE = "derived: from what mirrors and cameras are known by"
+DERIVED_SHAPE = "derived: from what mirrors, joints and cameras are known by"
 SET_COLOR = f"{100 * COLOR_SIGMA:g} %: set on robots 0 and 1; more where its looks tell"
 SET_MIDDLE = f"{PIXEL_SIGMA:g} and {LENS_SIGMA:g} px: set on robots 900 and 950"
 SET_UNLIKE = f"{100 * MOST_UNLIKE:g} %: set on robot 900"
@@ -160,13 +159,14 @@ def _given() -> Table:
         ["how head and body stand before them", "learned, from head and chest seen in them"],
         ["noise of its pictures, gain of a look", "learned, from its pictures"],
         ["shape of head and chest", "learned, in mirrors (stage 3); touching uses it"],
-        ["which link a place of that belongs to", "given: the nearest line between its joints"],
-        ["what that shape is off by in all pictures", DERIVED_SHAPE],
+        ["shape of forearm and hand", "learned, seen directly (stage 3); nothing uses it"],
+        ["which link a place of these belongs to", "given: the nearest line between its joints"],
+        ["what these shapes are off by in all pictures", DERIVED_SHAPE],
         ["shape of its links in its expected pictures", "given, by its description"],
         ["which of its solids are of one paint", "given, by its description"],
         ["colours of its paints", "learned, from head and chest seen in mirrors"],
         ["what of head and chest the arm keeps off", KEPT_OFF],
-        ["shape of its arm, where its finger is on its hand", "given, by its description"],
+        ["shape of its arm as it touches, where its finger is", "given, by its description"],
         ["light of the room", "given, but for its brightness and how the robot is turned in it"],
         ["what places of links are not known by", "learned, from looks at the unmarked body"],
         ["what colours are not known by", SET_COLOR],

@@ -143,7 +143,7 @@ def _mirrors(found: Sequence[MirrorsStage]) -> MirrorsStage:
 def _structure(found: Sequence[StructureStage]) -> StructureStage:
     shapes = {seed: shape for stage in found for seed, shape in stage.shapes.items()}
     links, refusals = _all(found, "links"), _all(found, "refusals")
-    return StructureStage(links, found[-1].mirrors, refusals, shapes)
+    return StructureStage(links, found[-1].mirrors, refusals, shapes, found[-1].poses)
 
 
 def _unmarked(found: Sequence[UnmarkedStage]) -> UnmarkedStage:

@@ -1,4 +1,4 @@
-"""The third stage of the mirror test in the report: the learned shape of head and chest."""
+"""The third stage of the mirror test in the report: the learned shapes of links."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,8 +6,10 @@ from typing import Any
 import numpy as np
 
 from nico_selfmodel.experiments.experiment_report import Table
+from nico_selfmodel.experiments.mirror_test.link_structure import NEAR, LinkStructure
 from nico_selfmodel.experiments.mirror_test.stage_document import stage_document
-from nico_selfmodel.experiments.mirror_test.structure import NEAR, LinkStructure, StructureStage
+from nico_selfmodel.experiments.mirror_test.structure import StructureStage
+from nico_selfmodel.sessions.shapes.own_arm import ARM_LINKS
 from nico_selfmodel.viz.figures.mirror_test.structure_plot import ShownLink, structure_plot
 
 MEDIAN, P90 = 2.0, 5.0
@@ -27,7 +29,7 @@ ENOUGH = 5
 def structure_document(stage: StructureStage) -> dict[str, Any]:
     """Return the stage as plain data, with its status."""
     rows = [_row(stage, link) for link in dict.fromkeys(one.link for one in stage.links)]
-    failed = [f"robot {one.robot} learned no shape: {one.reason}" for one in stage.refusals]
+    failed = [f"robot {one.robot} learned {one.reason}" for one in stage.refusals]
     failed += [reason for row in rows for reason in _missed(row)]
     said = "; ".join(
         f"{row['link']} is {row['median_mm']:.1f} mm off (median), {row['p90_mm']:.1f} mm (90 of "
@@ -37,8 +39,9 @@ def structure_document(stage: StructureStage) -> dict[str, Any]:
     robots = len({one.robot for one in stage.links})
     lacking = f"{said}; {ENOUGH} robots are needed" if robots < ENOUGH else None
     return stage_document(
-        "3", "structure: head and chest", failed, lacking, said,
-        mirrors=stage.mirrors, links=rows, robots=[_one(one) for one in stage.links],
+        "3", "structure: head, chest, forearm and hand", failed, lacking, said,
+        mirrors=stage.mirrors, poses=stage.poses, links=rows,
+        robots=[_one(one) for one in stage.links],
     )  # fmt: skip
 
 
@@ -158,14 +161,36 @@ def structure_table(stage: StructureStage) -> Table:
         ]
         for row in (*document["robots"], *document["links"])
     ]
-    title = f"Stage 3: the shape of head and chest, learned in {stage.mirrors} mirrors"
+    title = (
+        f"Stage 3: the shape of head and chest, learned in {stage.mirrors} mirrors, and of forearm "
+        f"and hand, in {stage.poses} poses without one"
+    )
     return Table(title, headings, rows, "\n")
 
 
-def structure_chart(stage: StructureStage) -> Any:
-    """Draw the shape that the first robot learned, which learned any: errors, sigmas and cuts."""
-    first = next(one.robot for one in stage.links if len(one.off))
-    own = [one for one in stage.links if one.robot == first and len(one.off)]
+def structure_charts(stage: StructureStage) -> dict[str, Any]:
+    """Draw what the first robot learned, which learned any: errors, sigmas and cuts.
+
+    Returns:
+        Chart by name, of links that stand still and of those that move; without those of which
+        nothing was learned.
+    """
+    of_arm = [one for one in stage.links if one.link in ARM_LINKS]
+    others = [one for one in stage.links if one.link not in ARM_LINKS]
+    drawn = {
+        "structure": (others, "Head and chest as learned in mirrors", True),
+        "arm": (of_arm, "Forearm and hand as learned without a mirror", False),
+    }
+    return {
+        name: _chart(links, title, mirrored)
+        for name, (links, title, mirrored) in drawn.items()
+        if any(len(one.off) for one in links)
+    }
+
+
+def _chart(links: Sequence[LinkStructure], title: str, mirrored: bool) -> Any:
+    first = next(one.robot for one in links if len(one.off))
+    own = [one for one in links if one.robot == first and len(one.off)]
     shown = [ShownLink(one.mesh, one.p_LT, one.sigma) for one in own]
     mm = 1e3 * np.median(np.abs(np.concatenate([one.off for one in own])))
-    return structure_plot(shown, f"Head and chest as learned in mirrors: {mm:.1f} mm off (median)")
+    return structure_plot(shown, f"{title}: {mm:.1f} mm off (median)", mirrored=mirrored)

@@ -245,6 +245,7 @@ def refined(
     progress: Callable[[int, int], None] | None = None,
     steps: Sequence[Step] = STEPS,
     gate: float = np.inf,
+    jumps: Callable[[NDArray], NDArray] | None = None,
 ) -> RefinedSurface:
     """Return what all pictures make of a first surface; blur mixes only what shows the body."""
 
@@ -257,7 +258,7 @@ def refined(
         ]
         return replace(views, views=tuple(smooth))
 
-    return refine_surface(mesh, blurred, rng, progress, steps, gate)
+    return refine_surface(mesh, blurred, rng, progress, steps, gate, jumps)
 
 
 def links_of(

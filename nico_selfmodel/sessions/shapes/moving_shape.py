@@ -1,6 +1,6 @@
 """The outer shape of links that an arm moves, from a recording that kept its pictures."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,11 +12,12 @@ from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation.noise.hand_observations import covariance_of
 from nico_selfmodel.estimation.noise.joints_by_hand import JointsByHand
+from nico_selfmodel.estimation.observations.matching import reading_columns
 from nico_selfmodel.estimation.shape.fusion import DepthView, first_surface
 from nico_selfmodel.estimation.shape.refinement import MOVING_STEPS, RefinedSurface
 from nico_selfmodel.estimation.shape.shape_views import ShapeView, ShapeViews
 from nico_selfmodel.estimation.shape.standpoints import OnLink
-from nico_selfmodel.geometry.transform import inverse
+from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.shape.link_shape import BodyShape
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
@@ -25,6 +26,7 @@ from nico_selfmodel.sessions.mirrors.learned_shape import links_of, refined
 from nico_selfmodel.sessions.mirrors.own_pictures import described
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.sessions.shapes.arm_looks import FEWEST_LOOKS, ArmLook, ArmLooks
+from nico_selfmodel.sessions.shapes.card import Card, card_of
 from nico_selfmodel.sessions.shapes.rigid_body import RigidBody
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.vision.images.body_outline import beyond_body, plain_color
@@ -39,6 +41,8 @@ _INSIDE = -1.0
 """Depths count so far inside of the outline [px]."""
 _ROOM, _ALIKE = 0.3, 8.0
 """Least share of a picture that a plain room covers, and by how much its colour varies there."""
+_ABOUT = 10
+"""Pixels of a picture about what may be a body, by which it is blurred [px]."""
 _LEAST = 400
 """Pixels of a body without which a picture does not count."""
 _GATE_6 = 22.458
@@ -55,6 +59,8 @@ class MovingShape:
     """Of each link, and where it stood in the first look."""
     errors: JointsByHand
     """Of the joints in all poses."""
+    poses: Mapping[str, NDArray]
+    """Link -> where it was in each look, as the arm and the hand in it tell. Shape (K, 4, 4)."""
 
     @property
     def looks(self) -> int:
@@ -97,23 +103,28 @@ def shape_of_arm(
     with BodyImage(robot, model, supersample=1) as image:  # labels alone are asked for
         tree = KinematicTree.from_urdf(robot.urdf)
         pair = RectifiedPair.of(model.rig, _COARSE)
-        first = image.poses(looks.data.encoders[0])
-        bodies = [_Seen(one, model) for one in RigidBody.of(tree, model.joints, links, first)]
-        noise, poses = looks.noise, {}
+        readings = looks.data.encoders[0][reading_columns(model, looks.data)]
+        first = image.poses(readings)
+        bodies = [
+            _Seen(one, model, _card_on(one, tree, model, readings, first))
+            for one in RigidBody.of(tree, model.joints, links, first)
+        ]
+        noise, stood = looks.noise, []
         for k, look in enumerate(looks.looks(image)):
-            poses = poses or look.poses
+            stood.append(look.poses)
             told = _ToldApart(look, noise, pair)
             for body in bodies:
                 body.take(told, image)
             tell(k + 1, len(looks.kept))
-    shapes = {}
+    shapes, poses = {}, stood[0]
     for body in bodies:
         surface = body.learned(rng, stage)
         own = {link: inverse(poses[body.rigid.frame]) @ poses[link] for link in body.rigid.wanted}
         shapes |= links_of(surface, body.rigid.skeleton, own, body.rigid.wanted)
     shapes = {link: shapes[link] for link in links}
     X_WF = {link: poses[link] for link in links}
-    return MovingShape(BodyShape(shapes, X_WF), looks.errors)
+    each = {link: np.array([one[link] for one in stood]) for link in links}
+    return MovingShape(BodyShape(shapes, X_WF), looks.errors, each)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +153,7 @@ class _Seen:
 
     rigid: RigidBody
     model: SelfModel
+    card: Card | None
     standpoints: list[OnLink] = field(default_factory=list)
     covariances: list[NDArray] = field(default_factory=list)
     views: list[ShapeView] = field(default_factory=list)
@@ -158,7 +170,7 @@ class _Seen:
             np.where(look.covered(image, rigid.links, side), np.nan, outside)
             for side, outside in enumerate(told.beyond)
         ]
-        pixels = rig.project(rigid.corners(X_WF))
+        pixels = rig.project(apply(X_WF, rigid.places))
         self.views.extend(
             _cropped(ShapeView(k, side, picture, beyond[side]), pixels[:, 2 * side : 2 * side + 2])
             for side, picture in enumerate(look.pictures)
@@ -177,9 +189,8 @@ class _Seen:
         views = self._together(grid.points.mean(axis=0))
         mesh = first_surface(grid, self.rigid.near(grid.points), views, self.depths)
         self.depths.clear()
-        return refined(
-            views, mesh, rng, telling(stage, "learning its shape"), MOVING_STEPS, _GATE_6
-        )
+        tell, jumps = telling(stage, "learning its shape"), self.card and self.card.at_rim
+        return refined(views, mesh, rng, tell, MOVING_STEPS, _GATE_6, jumps)
 
     def _together(self, p_FQ: NDArray) -> ShapeViews:
         """Return all pictures, and by how many pixels each is loose about a point of the body."""
@@ -200,6 +211,18 @@ class _Seen:
         return replace(views, views=tuple(loose))
 
 
+def _card_on(
+    rigid: RigidBody,
+    tree: KinematicTree,
+    model: SelfModel,
+    readings: NDArray,
+    poses: Mapping[str, NDArray],
+) -> Card | None:
+    """Return the card of the hand's marker, of the body that the last joint moves."""
+    above = [tree.joint_above[link].name() for link in rigid.links if link in tree.joint_above]
+    return card_of(model, readings, poses[rigid.frame]) if model.joints[-1] in above else None
+
+
 def room_color(picture: NDArray) -> NDArray:
     """Return the colour of a plain room, which most of a picture shows.
 
@@ -217,12 +240,11 @@ def room_color(picture: NDArray) -> NDArray:
 
 
 def _cropped(view: ShapeView, pixels: NDArray) -> ShapeView:
-    """Return the part of a picture about some pixels, all of it where one is out of view."""
+    """Return the part of a picture in which some places are, nan of those out of view. (N, 2)."""
     height, width = view.beyond.shape
-    if not np.isfinite(pixels).all():
-        return view
-    left, top = np.clip(np.floor(pixels.min(axis=0)).astype(int), 0, [width - 8, height - 8])
-    right, low = np.clip(np.ceil(pixels.max(axis=0)).astype(int) + 1, 8, [width, height])
+    seen = pixels[np.isfinite(pixels).all(axis=1)]
+    left, top = np.clip(seen.min(axis=0).astype(int) - _ABOUT, 0, [width - 8, height - 8])
+    right, low = np.clip(seen.max(axis=0).astype(int) + _ABOUT, 8, [width, height])
     part = np.s_[top:low, left:right]
     picture, beyond = view.picture[part].copy(), view.beyond[part].copy()  # not the whole of both
     return replace(view, picture=picture, beyond=beyond, corner=(int(left), int(top)))

@@ -2,11 +2,12 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.geometry.transform import apply, inverse
+from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.geometry.voxel_grid import VoxelGrid
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import refuse_unknown
@@ -65,7 +66,7 @@ class RigidBody:
             found.append(cls(link, links, own, skeleton))
         return found
 
-    @property
+    @cached_property
     def grid(self) -> VoxelGrid:
         """Where its surface may be, in F."""
         return VoxelGrid.about(self._lines.reshape(-1, 3), REACH, PITCH)
@@ -74,11 +75,11 @@ class RigidBody:
         """Return which points may belong to the wanted links. Shape (N, 3) -> (N,)."""
         return self.skeleton.within(p_FQ, self.wanted, REACH)
 
-    def corners(self, X_WF: NDArray) -> NDArray:
-        """Return the corners of what may be it. Shape (8, 3)."""
-        ends_, grid = np.array([0.0, 1.0]), self.grid
-        share = np.stack(np.meshgrid(ends_, ends_, ends_), axis=-1).reshape(-1, 3)
-        return apply(X_WF, grid.place(share * (np.array(grid.shape) - 1)))
+    @cached_property
+    def places(self) -> NDArray:
+        """All points of the grid that may belong to the wanted links, in F. Shape (N, 3)."""
+        points = self.grid.points
+        return points[self.near(points)]
 
     @property
     def _lines(self) -> NDArray:

@@ -46,7 +46,7 @@ class SeenSurface:
         self,
         surfaces: Mapping[str, tuple[LinkSurface, NDArray]],
         rig: StereoRig,
-        mirror: Plane,
+        mirror: Plane | None,
         cases: Sequence[str] = ("left_eye", "right_eye", "eyes"),
     ) -> None:
         """Pose everything.
@@ -54,7 +54,7 @@ class SeenSurface:
         Args:
             surfaces: Link -> its surface and its pose in the left camera's frame.
             rig: The cameras, in that frame.
-            mirror: The glass, in that frame.
+            mirror: The glass, in that frame, if there is one.
             cases: Links around the cameras, which hide nothing from them directly.
         """
         self._poses = {link: X_LF for link, (_, X_LF) in surfaces.items()}
@@ -77,13 +77,30 @@ class SeenSurface:
             across: Diameter of what is put there: a disc that lies so flat to a line of sight that
                 it looks narrower than a pixel is not seen [m].
         """
-        p_LQ, on = self._followed(links, rng)
+        p_LQ, on = self._followed(links, rng, True)
         for camera in self._rig.cameras:
             kept = self._sees(camera, p_LQ, True) & ~self._sees(camera, p_LQ, False)
             if across:
                 kept[kept] = self._width(camera, p_LQ[kept], across) >= _NARROWEST
             p_LQ, on = p_LQ[kept], on[kept]
         return self._placed(p_LQ[:count], on[:count])
+
+    def directly(self, links: Sequence[str], count: int, rng: np.random.Generator) -> SeenPlaces:
+        """Return places that both cameras see directly, drawn as in a mirror.
+
+        Args:
+            count: How many at most.
+        """
+        p_LQ, on = self._followed(links, rng, False)
+        for camera in self._rig.cameras:
+            kept = self._sees(camera, p_LQ, False)
+            p_LQ, on = p_LQ[kept], on[kept]
+        return self._placed(p_LQ[:count], on[:count])
+
+    @property
+    def _glass(self) -> Plane:
+        assert self._mirror is not None, "what is seen in a mirror takes one"
+        return self._mirror
 
     def _placed(self, p_LQ: NDArray, on: NDArray) -> SeenPlaces:
         names = tuple(self._links[k] for k in on)
@@ -93,15 +110,19 @@ class SeenSurface:
         ]
         return SeenPlaces(names, np.reshape(own, (-1, 3)))
 
-    def _followed(self, links: Sequence[str], rng: np.random.Generator) -> tuple[NDArray, NDArray]:
-        """Follow random pixels of the left camera in the mirror. Shapes (N, 3) and (N,)."""
+    def _followed(
+        self, links: Sequence[str], rng: np.random.Generator, mirrored: bool
+    ) -> tuple[NDArray, NDArray]:
+        """Follow random pixels of the left camera to what they show. Shapes (N, 3) and (N,)."""
         camera = self._rig.left
         pixels = rng.uniform(0.0, np.array(camera.image_size) - 1.0, (_TRIED, 2))
         ways = camera.directions(pixels) @ camera.X_WC[:3, :3].T
         ways = ways[np.isfinite(ways).all(axis=1)]
-        ways = ways - 2.0 * (ways @ self._mirror.normal)[:, None] * self._mirror.normal
-        start = reflect(self._mirror, camera.X_WC[:3, 3])
-        p_LQ = onto_solids(self._solids, self._before_glass(start, ways, True), ways)
+        start = camera.X_WC[:3, 3]
+        if mirrored:
+            ways = ways - 2.0 * (ways @ self._glass.normal)[:, None] * self._glass.normal
+            start = reflect(self._glass, start)
+        p_LQ = onto_solids(self._solids, self._before_glass(start, ways, mirrored), ways)
         met = np.flatnonzero(np.isfinite(p_LQ).all(axis=1))
         on = distance_to_solids(self._solids, p_LQ[met])[1]
         wanted = np.isin([self._links[k] for k in on], list(links))
@@ -111,22 +132,22 @@ class SeenSurface:
         """Return where lines from a twin leave the glass; of a camera, a little before it."""
         if not mirrored:
             return start + _OFF * ways
-        speed = ways @ self._mirror.normal
+        speed = ways @ self._glass.normal
         with np.errstate(divide="ignore"):
-            far = np.where(speed > 1e-6, -self._mirror.distance_to(start) / speed, np.nan)
+            far = np.where(speed > 1e-6, -self._glass.distance_to(start) / speed, np.nan)
         return np.nan_to_num(start + far[:, None] * ways, nan=1e3)
 
     def _sees(self, camera: Camera, p_LQ: NDArray, mirrored: bool) -> NDArray:
         """Return which places a camera sees, directly or in the mirror. Shape (N,)."""
         if not len(p_LQ):
             return np.zeros(0, dtype=bool)
-        shown = reflect(self._mirror, p_LQ) if mirrored else p_LQ
+        shown = reflect(self._glass, p_LQ) if mirrored else p_LQ
         with np.errstate(invalid="ignore"):
             pixels = camera.project(shown)
             inside = ((pixels > 0.0) & (pixels < np.array(camera.image_size) - 1.0)).all(axis=1)
         start = camera.X_WC[:3, 3]
         # What turns its back is not seen, and the search would start inside it.
-        center = reflect(self._mirror, start) if mirrored else start
+        center = reflect(self._glass, start) if mirrored else start
         normals = normals_of_solids(self._solids, p_LQ)
         inside &= np.sum((center - p_LQ) * normals, axis=1) > 0.0
         first = self._open(center, p_LQ, mirrored)
@@ -136,7 +157,7 @@ class SeenSurface:
 
     def _width(self, camera: Camera, p_LQ: NDArray, across: float) -> NDArray:
         """Return how wide discs look in the mirror, along their narrow side [px]. Shape (N,)."""
-        ways = reflect(self._mirror, camera.X_WC[:3, 3]) - p_LQ
+        ways = reflect(self._glass, camera.X_WC[:3, 3]) - p_LQ
         slant = np.sum(ways * normals_of_solids(self._solids, p_LQ), axis=1)
         return camera.fx * across * slant / np.sum(ways * ways, axis=1)
 

@@ -32,15 +32,19 @@ class ShownLink:
     """Of each vertex [m]. Shape (V,)."""
 
 
-def structure_plot(links: Sequence[ShownLink], title: str) -> Figure:
+def structure_plot(links: Sequence[ShownLink], title: str, *, mirrored: bool = True) -> Figure:
     """Draw learned surfaces from the front, and cut from top to bottom through their middle.
+
+    Args:
+        mirrored: Whether the front is what a mirror before the camera shows, or what the camera
+            sees itself.
 
     Returns:
         Panels of errors and sigmas, and one of the cut with the true surface.
     """
     errors = [np.linalg.norm(one.mesh.vertices - one.p_LT, axis=1) for one in links]
     with style():
-        figure = PlainFigure(figsize=(FULL_WIDTH, 5.6))
+        figure = PlainFigure(figsize=(FULL_WIDTH, _height(links)))
         first, second, cut = figure.subplots(1, 3, sharey=True)
         drawn = None
         for axes, values, name in (
@@ -48,7 +52,7 @@ def structure_plot(links: Sequence[ShownLink], title: str) -> Figure:
             (second, [one.sigma for one in links], "sigma, as the robot says"),
         ):
             for one, value in zip(links, values, strict=True):
-                drawn = _front(axes, one.mesh, 1e3 * value)
+                drawn = _front(axes, one.mesh, 1e3 * value, 1.0 if mirrored else -1.0)
             axes.set_title(name)
             axes.set_xlabel("x [mm]")
             axes.set_aspect("equal")
@@ -58,15 +62,23 @@ def structure_plot(links: Sequence[ShownLink], title: str) -> Figure:
             bar = figure.colorbar(drawn, ax=[first, second, cut], shrink=0.7)
             bar.set_label(f"mm, {_LARGEST:g} and more are darkest")
         _cut(cut, links)
+        cut.set_xlabel("z, to the mirror [mm]" if mirrored else "z, away from the cameras [mm]")
         headline(figure, title)
     return figure
 
 
-def _front(axes: Axes, mesh: TriangleMesh, values: NDArray) -> PolyCollection:
-    """Draw the triangles that are turned to a mirror, the nearest last."""
+def _height(links: Sequence[ShownLink]) -> float:
+    """Return how high a figure is, so that three panels without much room about them fit in."""
+    span = np.ptp(np.concatenate([one.mesh.vertices for one in links]), axis=0)
+    return float(np.clip(1.6 + FULL_WIDTH / 3.6 * span[1] / max(span[0], 1e-3), 3.6, 5.6))
+
+
+def _front(axes: Axes, mesh: TriangleMesh, values: NDArray, front: float) -> PolyCollection:
+    """Draw the triangles that are turned to z (1) or against it (-1), the nearest last."""
     corners = mesh.vertices[mesh.triangles]
-    turned = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] > 0.0
-    order = np.flatnonzero(turned)[np.argsort(corners[turned].mean(axis=1)[:, 2])]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    turned = front * normals[:, 2] > 0.0
+    order = np.flatnonzero(turned)[np.argsort(front * corners[turned].mean(axis=1)[:, 2])]
     flat = 1e3 * corners[order][:, :, :2] * [1.0, -1.0]
     level = values[mesh.triangles[order]].mean(axis=1)
     drawn = PolyCollection(
@@ -92,6 +104,5 @@ def _cut(axes: Axes, links: Sequence[ShownLink]) -> None:
                 linewidths=0.0, label=name if k == 0 else None,
             )  # fmt: skip
     axes.set_title("cut through the middle")
-    axes.set_xlabel("z, to the mirror [mm]")
     axes.set_aspect("equal")
     axes.legend(loc="lower right")
