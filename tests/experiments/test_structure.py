@@ -111,7 +111,7 @@ def test_the_chart_shows_errors_sigmas_and_a_cut():
     panels = structure_charts(stage(1))["structure"].axes
     titles = [axes.get_title(loc="left") for axes in panels]
     assert titles[:3] == [
-        "off from the true surface", "sigma, as the robot says", "cut through the middle",
+        "error", "sigma", "cut through the middle",
     ]  # fmt: skip
 
 

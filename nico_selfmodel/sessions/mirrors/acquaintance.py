@@ -19,8 +19,6 @@ from nico_selfmodel.systems.looking import touching_arm
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
-_QUICK = ImageQuality(supersample=1)
-"""What they are seen in: corners are found to a tenth of a pixel all the same."""
 _COUNTS = Counts(boards=120, circle=0, random=360, test=12)
 """What arm and cameras are learned from. The hand's marker is 20 mm from the wrist's axis, about
 which it makes no circle to learn from."""
@@ -73,7 +71,7 @@ def learn_six_joints(
         held_out: Poses to judge by; in a third of them the hand is seen.
     """
     arm = touching_arm(FIDUCIAL)
-    nico = RenderedNico(world, seed, (FIDUCIAL,), _QUICK, arm, corners=True)
+    nico = RenderedNico(world, seed, (FIDUCIAL,), ImageQuality(), arm, corners=True)
     seen = watch_hand(nico, replace(_COUNTS, test=held_out), stage)
     telling(stage, "learning the arm")(0, 1)
     nominal = nominal_with(nico.arm, FIDUCIAL)

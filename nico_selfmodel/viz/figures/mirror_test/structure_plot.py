@@ -48,8 +48,8 @@ def structure_plot(links: Sequence[ShownLink], title: str, *, mirrored: bool = T
         first, second, cut = figure.subplots(1, 3, sharey=True)
         drawn = None
         for axes, values, name in (
-            (first, errors, "off from the true surface"),
-            (second, [one.sigma for one in links], "sigma, as the robot says"),
+            (first, errors, "error"),
+            (second, [one.sigma for one in links], "sigma"),
         ):
             for one, value in zip(links, values, strict=True):
                 drawn = _front(axes, one.mesh, 1e3 * value, 1.0 if mirrored else -1.0)
