@@ -143,20 +143,16 @@ class Climber:
     def _or_gears(self, step: Step, before: EffectFit, after: EffectFit) -> Step:
         """Refuse a step where told gears, of which there are fewer numbers, explain it.
 
-        Over a part of a turn sag and ripple look like gears. A ripple goes for gears that explain
-        it better. What looks like a gear that contradicts its unit must be told apart from it;
-        what is asked next may be neither.
+        Over a part of a turn sag and ripple look like gears, which are asked next. What looks like
+        one that contradicts its unit must be told apart from it; beside gears a little off a
+        ripple must be better, and all else not decisively worse.
         """
         rival = self._again(self._fitted((*self.kept, GEAR), self.still))
         better = self._again(after).evidence - rival.evidence
-        if step.effect == RIPPLE:
-            gear = gear_fault(rival)
-            why = _GEARS_DO if gear is None else no_gear(gear)
-            return step if better <= 0.0 else replace(step, kept=False, reason=why, gear=gear)
         geared = self._judged(GEAR, before, rival)
         if geared.gear is not None and better > -_WORTH:
             return replace(step, kept=False, reason=geared.reason)
-        if geared.kept and better > _WORTH:
+        if geared.kept and better > (0.0 if step.effect == RIPPLE else _WORTH):
             return replace(step, kept=False, reason=_GEARS_DO)
         return step
 
