@@ -105,7 +105,7 @@ def test_noise_makes_a_pattern_as_rarely_as_is_said():
             rows, parameters = Observations.from_dataset(data), result.model.parameters
             linear = Linearised.at(rows, parameters, ~result.outliers, result.noise)
             test = arm_test(linear, result.free)
-            for effect in _effects(rows, parameters):
+            for effect in _effects(rows, parameters, linear.rows):
                 by_angle = linear.by_angle[:, :, effect.joint, None]
                 chances.append(test.of(by_angle * effect.turns[:, None]).chance)
     chances = np.array(chances)
