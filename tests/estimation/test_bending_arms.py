@@ -187,6 +187,24 @@ def test_coupled_drives_are_kept_or_named_and_taken_for_no_gear(make_truth, coup
         assert any("coupling is not kept" in warning for warning in judge(found).warnings)
 
 
+@pytest.mark.parametrize(
+    ("kind", "seed"), slow_rest([("elbow", 4), ("elbow", 3), ("elbow", 6), ("parallel", 2)])
+)
+def test_a_gear_that_contradicts_its_unit_is_taken_for_no_sag(make_truth, kind, seed):
+    # Over 90 deg of a turn the weight of a lying arm is nearly a line, as a gear is.
+    truth = make_truth(3, seed, kind=kind)
+    q = truth.poses(60, seed, span=1.6)
+    turned = np.array([1.0, 1.04, 1.0]) * q
+    turned += np.radians(0.1) * np.random.default_rng(seed).normal(size=q.shape)
+    data = truth.dataset(turned, sigma=3e-4, seed=1)
+    found = calibrate_kinematics(replace(data, encoders=truth.servos.to_encoder(q)), explain=False)
+    assert found.ladder.kept == ()
+    (words,) = [said for said in judge(found).reasons if ".gear` is held at 1" in said]
+    assert words.startswith("`joint_1.gear`")
+    told = float(words.split("ask for about ")[1].split()[0])
+    assert told == pytest.approx(1.0 / 1.04, abs=0.006)
+
+
 @pytest.mark.slow
 def test_a_vertical_told_the_wrong_way_round_is_called_implausible():
     _, train, _, _ = arm_and_data(1, 40)

@@ -5,9 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from nico_selfmodel.estimation.arm.arm_findings import _uneven_words
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
-from nico_selfmodel.estimation.diagnosis.misread_joint import misread_joints, nearest_turns
+from nico_selfmodel.estimation.diagnosis.misread_joint import (
+    misread_joints,
+    nearest_turns,
+    uneven_place,
+)
 from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.observations.observations import Observations
 
 from ..slow_rest import slow_rest
 from .random_arms import random_recording
@@ -115,3 +121,57 @@ def test_a_marker_that_sits_elsewhere_is_no_joint_that_jumps(seed):
     # Turned far enough some joint meets a foreign point; the hand's other points stay.
     found = calibrate_kinematics(random_recording("foreign marker", seed).dataset, explain=False)
     assert not any("the encoder of" in word for word in judge(found).warnings)
+
+
+def wrong_at(*which, of=200):
+    """Readings 0, 1, 2 ... in any order, and which of them were wrong."""
+    wrong = np.zeros(of, dtype=bool)
+    wrong[np.concatenate(which)] = True
+    order = np.random.default_rng(of).permutation(of)
+    return np.arange(of)[order].astype(float), wrong[order]
+
+
+def test_a_joint_that_is_wrong_in_one_place_is_told_with_the_place():
+    assert uneven_place(*wrong_at(range(30, 42), of=80)) == (30.0, 41.0)
+    assert uneven_place(*wrong_at(range(30, 42), [7, 70], of=80)) == (30.0, 41.0)
+
+
+def test_a_joint_that_slips_does_so_in_no_place():
+    rng = np.random.default_rng(5)
+    said = [uneven_place(np.arange(80.0), rng.random(80) < 0.15) for _ in range(300)]
+    assert said == [None] * 300
+    assert uneven_place(np.arange(80.0), np.ones(80, dtype=bool)) is None
+    assert uneven_place(*wrong_at([3, 4], of=80)) is None
+
+
+@pytest.mark.parametrize(
+    ("wrong", "place"),
+    [
+        # Chances 820 / binom(40, 8) = 1.07e-5 and 861 / binom(41, 8) = 9.0e-6 of anywhere.
+        (wrong_at(range(8), of=40), None),
+        (wrong_at(range(8), of=41), (0.0, 7.0)),
+        # Half of the poses of a window, and one less.
+        (wrong_at(range(20, 30, 2), range(31, 41, 2)), (20.0, 39.0)),
+        (wrong_at(range(20, 30, 2), range(32, 42, 2)), None),
+        # Half of all that are wrong, and one less.
+        (wrong_at(range(50, 60), range(100, 400, 30), of=400), (50.0, 59.0)),
+        (wrong_at(range(50, 60), range(90, 400, 30), of=400), None),
+    ],
+)
+def test_a_place_is_told_from_half_wrong_and_a_chance_of_one_in_a_hundred_thousand_on(wrong, place):
+    assert uneven_place(*wrong) == place
+
+
+@pytest.mark.parametrize(("off", "said"), [(4.9e-3, False), (5.1e-3, True)])
+def test_a_place_fails_from_5_milliradians_on(make_truth, off, said):
+    truth = make_truth(3, 6, unit="rad", kind="elbow")
+    q = np.zeros((60, 3))
+    q[:, 1] = np.linspace(-1.0, 1.0, 60)
+    rows = Observations.from_dataset(truth.dataset(q))
+    wrong = np.arange(20, 32)
+    words = _uneven_words(rows, 1, "'joint_1'", np.arange(60), wrong, np.full(12, off))
+    assert bool(words) is said
+    if said:
+        low, high = sorted(np.degrees(truth.servos.to_encoder(q)[[20, 31], 1]))
+        assert f"in 12 of 12 poses in which 'joint_1' read {low:.0f} to {high:.0f} deg" in words[0]
+        assert "and in 0 of 48 others" in words[0]

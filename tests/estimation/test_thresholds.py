@@ -179,6 +179,19 @@ def test_residuals_that_depend_on_the_pose_fail_where_they_are_large(arm, of_siz
     assert judge(with_noise(arm, of_size=of_size)).status == "PASS"
 
 
+@pytest.mark.parametrize(
+    ("better", "size", "fails"),
+    [(1.51, 5.1e-3, True), (1.49, 5.1e-3, False), (1.51, 4.9e-3, False)],
+)
+def test_an_uneven_joint_fails_where_it_is_most_of_what_is_missed_and_far(arm, better, size, fails):
+    score = Score(50.0, 1, np.ones(1), np.ones(1), 1e-3, better)
+    pattern = Pattern("x", score, np.zeros(0), uneven="joint_0", size=size)
+    verdict = judge(replace(with_noise(arm, of_size=0.01), patterns=(pattern,)))
+    assert (verdict.status == "FAIL") is fails
+    (said,) = [words for words in (*verdict.reasons, *verdict.warnings) if "depend on x" in words]
+    assert said.endswith("check joint_0 there") is fails
+
+
 @pytest.mark.parametrize(("stated", "said"), [(2.9, False), (3.1, True)])
 def test_scatter_above_three_stated_sigmas_is_told_to_be_joint_noise(arm, stated, said):
     model = replace(arm.model, noise_sigma=stated * SIGMA)

@@ -11,7 +11,11 @@ from nico_selfmodel.estimation.bending.what_bends import (
     kept_words,
 )
 from nico_selfmodel.estimation.diagnosis.gear_check import gear_words
-from nico_selfmodel.estimation.diagnosis.misread_joint import misread_joints, nearest_turns
+from nico_selfmodel.estimation.diagnosis.misread_joint import (
+    misread_joints,
+    nearest_turns,
+    uneven_place,
+)
 from nico_selfmodel.estimation.diagnosis.systematic_residuals import FAR, MUCH, tell_sides
 from nico_selfmodel.estimation.noise.hand_noise import LARGEST_JOINT_NOISE, LARGEST_NOISE
 from nico_selfmodel.estimation.observations.observations import Observations
@@ -70,7 +74,7 @@ def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
         *gear_words(calibration.doubtful_gears),
         *_fixed_reasons(calibration),
         *foreign,
-        *_untold_sides(calibration),
+        *_faulty_pattern(calibration).values(),
         *(_timing_reasons(calibration) if explained else ()),
     ]
     last = [_starts_reason(calibration), _held_out_outlier_reason(calibration)]
@@ -78,11 +82,11 @@ def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
     said = [] if held_out is None else [_held_out_words(calibration, held_out)]
     bends = kept_words(ladder, calibration.model.bending, calibration.at)
     bends_badly = bending_warnings(ladder, calibration.at)
-    misread = _misread(calibration)
+    uneven, misread = _misread(calibration)
     return (
         *findings(CAUSE, calibration.causes.words),
         *findings(MISFIT, [misfit]),
-        *findings(FAILURE, failures),
+        *findings(FAILURE, [*failures, *uneven]),
         *findings(LAST, last),
         *findings(WARNING, [*bends_badly, *exchanged, *misread, *_warnings(calibration)]),
         *findings(NOTE, [*said, *bends, *_set_aside_words(calibration)]),
@@ -91,9 +95,8 @@ def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
 
 def _warnings(calibration: KinematicCalibration) -> list[str]:
     """Say what the model lacks, and what the data cannot support, though nothing fails."""
-    failed = [words.split(": say ")[0] for words in _untold_sides(calibration)]
     words = [str(pattern) for pattern in calibration.patterns[:_PATTERNS_SHOWN]]
-    words = [one for one in words if one not in failed]
+    words = [one for one in words if one not in _faulty_pattern(calibration)]
     if words:
         words.append(
             "the model has nothing for it, so that the sigmas of parameters and predictions are "
@@ -112,17 +115,25 @@ def _warnings(calibration: KinematicCalibration) -> list[str]:
     return words
 
 
-def _untold_sides(calibration: KinematicCalibration) -> list[str]:
-    """Say that most of what is missed is a joint's backlash, where nobody told its side."""
+def _faulty_pattern(calibration: KinematicCalibration) -> dict[str, str]:
+    """Say that most of what is missed is one joint's backlash that nobody told, or unevenness.
+
+    Returns:
+        What to do about it, by the words of the pattern; empty where there is none.
+    """
     told = calibration.train.observations.approach.any()
-    return [
-        f"{pattern}: {tell_sides(pattern.side_of)}"
-        for pattern in calibration.patterns[:1]
-        if pattern.side_of is not None
-        and not told
-        and pattern.score.improvement > MUCH
-        and abs(float(pattern.score.values[0])) > FAR
-    ]
+    found = {}
+    for pattern in calibration.patterns[:1]:
+        words = str(pattern)
+        if pattern.score.improvement <= MUCH:
+            continue
+        if pattern.side_of is not None and not told and abs(pattern.score.values[0]) > FAR:
+            found[words] = f"{words}: {tell_sides(pattern.side_of)}"
+        if pattern.uneven is not None and pattern.size > FAR:
+            found[words] = (
+                f"{words}: no gear and no ripple is like that; check {pattern.uneven} there"
+            )
+    return found
 
 
 def _joint_noise_words(calibration: KinematicCalibration) -> list[str]:
@@ -228,33 +239,66 @@ def _turned(
     return by_angle, (turns, left)
 
 
-def _misread(calibration: KinematicCalibration) -> list[str]:
-    """Name the joint that was read wrongly where points were set aside, if they tell one."""
+def _misread(calibration: KinematicCalibration) -> tuple[list[str], list[str]]:
+    """Name the joint that was read wrongly where points were set aside, if they tell one.
+
+    Returns:
+        Where on its turn it is uneven, which is a fault; and else how often it was off.
+    """
     train, rows = calibration.train, calibration.train.observations
     # A joint takes all points of a pose along.
     sound = np.isin(rows.sample, rows.sample[~calibration.outliers])
     wrong = np.flatnonzero(calibration.outliers & ~sound)
     if train.covariance is None or not len(wrong):
-        return []
+        return [], []
     step = -(-len(wrong) // _ASKED)
     wrong = wrong[::step]
     by_angle, turned = _turned(calibration.model.parameters, rows, wrong)
     known = train.residuals[wrong], by_angle, train.covariance[wrong]
     joints, off = misread_joints(*known, turned)
     if not joints:
-        return []
+        return [], []
     told = np.isfinite(off)
-    names = [f"{rows.joints[j]!r}" for j in joints]
+    names = " or ".join(f"{rows.joints[j]!r}" for j in joints)
+    asked = np.append(np.flatnonzero(sound), wrong)
+    uneven = _uneven_words(rows, joints[0], names, asked, wrong[told], off[told])
+    if uneven:
+        return uneven, []
     poses, of = len(np.unique(rows.sample[wrong][told])), len(np.unique(rows.sample[wrong]))
     size = float(np.degrees(np.median(np.abs(off[told]))))
-    asked = "" if step == 1 else " and that were asked"
+    asked_words = "" if step == 1 else " and that were asked"
     which = (
-        "" if len(names) == 1 else ", and the points do not tell which: track more markers there"
+        "" if len(joints) == 1 else ", and the points do not tell which: track more markers there"
     )
-    return [
-        f"in {poses} of {of} poses whose points were set aside{asked} the encoder of "
-        f"{' or '.join(names)} was off, by {size:.2g} deg in the median: look for play, a loose "
+    return [], [
+        f"in {poses} of {of} poses whose points were set aside{asked_words} the encoder of "
+        f"{names} was off, by {size:.2g} deg in the median: look for play, a loose "
         f"coupling or missed counts there{which}"
+    ]
+
+
+def _uneven_words(
+    rows: Observations, joint: int, names: str, asked: NDArray, wrong: NDArray, off: NDArray
+) -> list[str]:
+    """Say where on a joint's turn it is read wrongly, by how much; nothing where it is anywhere.
+
+    Args:
+        asked: Rows of which it is known whether it was. Shape (A,).
+        wrong: Those where it was, shape (K,), by how much [rad], shape (K,).
+    """
+    size = float(np.median(np.abs(off)))
+    sample, first = np.unique(rows.sample[asked], return_index=True)
+    read = np.degrees(rows.units.sign[joint] * rows.angles[asked[first], joint])
+    was = np.isin(sample, rows.sample[wrong])
+    place = uneven_place(read, was)
+    if place is None or size <= FAR:
+        return []
+    there = (read >= place[0]) & (read <= place[1])
+    return [
+        f"in {(was & there).sum()} of {there.sum()} poses in which {names} read {place[0]:.0f} to "
+        f"{place[1]:.0f} deg that was off, by {np.degrees(size):.2g} deg in the median, and in "
+        f"{(was & ~there).sum()} of {(~there).sum()} others: check the encoder and the gear there; "
+        "what was held out there was set aside, too"
     ]
 
 

@@ -281,7 +281,7 @@ class _Doubts:
             observations = observations.select(task.witnesses)
             solved = replace(solved, outliers=outliers[task.witnesses])
         linear = Linearised.at(observations, solved.parameters, ~solved.outliers, noise)
-        test = arm_test(linear, solved.free)
+        test = arm_test(linear, solved.free, solved.priors, solved.parameters.values)
         joints = zip(observations.joints, task.gear_known & task.gear_pinned, strict=True)
         held = frozenset(f"{joint}.gear" for joint, known in joints if known) - solved.free
         patterns = systematic_patterns(observations, solved.parameters, test)

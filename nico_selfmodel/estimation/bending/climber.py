@@ -52,6 +52,8 @@ _NOTHING = 1.0
 without it, below which it is asked no further: what explains nothing leaves the noise as it is."""
 _GEARS_DO = "gears that are a little off explain it better"
 _COUPLINGS_DO = "couplings explain it better"
+_BEFORE_GEARS = STEPS[: STEPS.index(GEAR)]
+"""What is asked before gears, and may take their part."""
 _PIVOTS = 1.0
 """Standard deviation of a bearing's place on its axis, as a part of the rms of loads: it may be
 anywhere on its link."""
@@ -124,13 +126,8 @@ class Climber:
                 return self._judged(effect, before, seen)
         after = self._likeliest(wanted)
         step = self._judged(effect, before, after)
-        if effect == RIPPLE and step.kept and self.gears and GEAR not in self.kept:
-            # Over a part of a turn a ripple looks like a gear, of which there are fewer numbers.
-            rival = self._again(self._fitted((*self.kept, GEAR), self.still))
-            if rival.evidence < self._again(after).evidence:
-                gear = gear_fault(rival)
-                why = _GEARS_DO if gear is None else no_gear(gear)
-                step = replace(step, kept=False, reason=why, gear=gear)
+        if step.kept and effect in _BEFORE_GEARS and self.gears and GEAR not in self.kept:
+            step = self._or_gears(step, before, after)
         if step.gear is not None and after.evidence > self.too_far:
             step = replace(step, reason=FAR_TURNS, gear=None)
         elif step.gear is not None and self._couplings_do():
@@ -141,6 +138,22 @@ class Climber:
             assert after.parameters.bending is not None
             self.kept = wanted
             self._adopt(after)
+        return step
+
+    def _or_gears(self, step: Step, before: EffectFit, after: EffectFit) -> Step:
+        """Refuse a step where told gears, of which there are fewer numbers, explain it.
+
+        Over a part of a turn sag and ripple look like gears, which are asked next. What looks like
+        one that contradicts its unit must be told apart from it; beside gears a little off a
+        ripple must be better, and all else not decisively worse.
+        """
+        rival = self._again(self._fitted((*self.kept, GEAR), self.still))
+        better = self._again(after).evidence - rival.evidence
+        geared = self._judged(GEAR, before, rival)
+        if geared.gear is not None and better > -_WORTH:
+            return replace(step, kept=False, reason=geared.reason)
+        if geared.kept and better > (0.0 if step.effect == RIPPLE else _WORTH):
+            return replace(step, kept=False, reason=_GEARS_DO)
         return step
 
     def _couplings_do(self) -> bool:

@@ -10,6 +10,12 @@ pi^(k/2) |e|^(k-1) / Gamma(k/2). The ratio of both,
 
 in space e'e exp(-rest / 2), is weighed for each joint over all points, of which half may be wrong
 in another way: sum log (1 + B) / 2, a logarithm of likelihoods.
+
+A joint that slips does so anywhere. Where most poses of one part of its turn are wrong, and few
+others, its encoder or gear is uneven there: the scan statistic (Kulldorff 1997), with k of m poses
+wrong in a window, K of N in all, is the largest over windows of
+
+    k log(k/m) + (m-k) log(1 - k/m) + (K-k) log((K-k)/(N-m)) + (N-m-K+k) log(1 - (K-k)/(N-m)).
 """
 
 from collections.abc import Callable
@@ -20,11 +26,14 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.hand_noise import whitening_of
 from nico_selfmodel.estimation.noise.joint_slips import FEWEST_SLIPS, OFTEN_AT
+from nico_selfmodel.estimation.observations.outlier_words import chance_of_more
 
 _ALIKE = 5.0
 """Difference of the logarithms below which the points do not tell two joints apart."""
-
-
+_RARE = 1e-5
+"""Chance that poses which are wrong anywhere lie together so, the windows tried counted."""
+_MOSTLY = 0.5
+"""Part of the poses of a window, and of all wrong ones, that are wrong there, at least."""
 TRIED_TURNS = (
     np.radians(np.arange(-180.0, 180.0, 4.0)),
     np.radians(np.arange(-4.0, 4.1, 0.4)),
@@ -99,3 +108,36 @@ def misread_joints(
     off[own] = angle[own, best]
     alike = np.flatnonzero(gain > gain[best] - _ALIKE)
     return tuple(alike[np.argsort(-gain[alike])].tolist()), off
+
+
+def uneven_place(place: NDArray, wrong: NDArray) -> tuple[float, float] | None:
+    """Return within which readings a joint is mostly read wrongly, and seldom elsewhere.
+
+    Args:
+        place: What the joint read in each pose. Shape (P,).
+        wrong: Whether that was wrong. Boolean, shape (P,).
+
+    Returns:
+        Lowest and highest of these readings; None where the wrong ones lie anywhere.
+    """
+    order = np.argsort(place)
+    place, wrong = place[order], wrong[order]
+    at, total, poses = np.flatnonzero(wrong), int(wrong.sum()), len(place)
+    if total < FEWEST_SLIPS or total == poses:
+        return None
+    first, last = np.triu_indices(total)
+    k, m = last - first + 1, at[last] - at[first] + 1
+    inside, outside = _bernoulli(k, m), _bernoulli(total - k, poses - m)
+    best = int(np.argmax(np.where(k * poses > total * m, inside + outside, -np.inf)))
+    k, m = int(k[best]), int(m[best])
+    chance = chance_of_more(k, m, total - k, poses - m) * poses * (poses + 1) / 2.0
+    if chance > _RARE or k < _MOSTLY * m or k < _MOSTLY * total:
+        return None
+    return float(place[at[first[best]]]), float(place[at[last[best]]])
+
+
+def _bernoulli(k: NDArray, m: NDArray) -> NDArray:
+    """Return the largest log likelihood of k of m."""
+    part = k / np.maximum(m, 1)
+    likely = np.maximum(part, np.finfo(float).tiny), np.maximum(1.0 - part, np.finfo(float).tiny)
+    return np.asarray(k * np.log(likely[0]) + (m - k) * np.log(likely[1]))

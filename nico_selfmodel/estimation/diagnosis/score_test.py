@@ -5,13 +5,13 @@ of what was fitted, Z is taken off it, and the fall of the squares z'Z (Z'Z)^-1 
 the number of columns where the effect is not there (Rao 1948). Nothing is solved again.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.noise.arm_solution import Linearised
+from nico_selfmodel.estimation.noise.arm_solution import Linearised, Priors
 from nico_selfmodel.optimization.chi_square import chi_square_tail
 
 _TOLD = 1e-6
@@ -163,7 +163,48 @@ ArmTest = ScoreTest[Linearised]
 """Of an arm."""
 
 
-def arm_test(linear: Linearised, free: frozenset[str]) -> ArmTest:
-    """Prepare the test of an arm at a solution whose free parameters were fitted."""
+@dataclass(frozen=True, eq=False)
+class _Held(Linearised):
+    """Rows about an arm of which some parameters are held near what is known beforehand."""
+
+    left: NDArray
+    """What priors leave, over their standard deviations. Shape (p,)."""
+
+    def whitened(self, columns: NDArray) -> NDArray:
+        """Whiten columns; an effect moves no prior. Shape (N, 3, m) -> (coordinates + p, m)."""
+        white = super().whitened(columns)
+        return np.vstack([white, np.zeros((len(self.left), white.shape[1]))])
+
+    @property
+    def whitened_residuals(self) -> NDArray:
+        """Those of the rows that count, then what priors leave. Shape (coordinates + p,)."""
+        rows = super().whitened(self.residuals[:, :, None])[:, 0]
+        return np.concatenate([rows, self.left])
+
+
+def arm_test(
+    linear: Linearised,
+    free: frozenset[str],
+    priors: Priors | None = None,
+    values: NDArray | None = None,
+) -> ArmTest:
+    """Prepare the test of an arm at a solution whose free parameters were fitted.
+
+    Args:
+        priors: Those that the fit had; without them what bends would take what it could not.
+        values: Of all parameters, in the order of `linear.names`. Shape (P,).
+    """
     chosen = [i for i, name in enumerate(linear.names) if name in free]
-    return ScoreTest(linear, linear.jacobian[:, :, chosen])
+    fitted, known = linear.jacobian[:, :, chosen], priors or {}
+    held = [(k, i) for k, i in enumerate(chosen) if linear.names[i] in known]
+    if values is None or not held:
+        return ScoreTest(linear, fitted)
+    means, sigmas = np.array([known[linear.names[i]] for _, i in held]).T
+    columns, at = zip(*held, strict=True)
+    # Rows are not weighed here by what their poses count, as they were in the fit.
+    sigmas = sigmas * np.sqrt(linear.whitening.groups.weight.mean())
+    parts = {part.name: getattr(linear, part.name) for part in fields(Linearised)}
+    rows = _Held(**parts, left=(means - values[list(at)]) / sigmas)
+    white = rows.whitened(fitted)
+    white[np.arange(len(held)) - len(held), list(columns)] = 1.0 / sigmas
+    return ScoreTest(rows, fitted, white)

@@ -1,7 +1,9 @@
 """Residuals that depend on the pose: what an arm that bends, or gears off centre, leave.
 
 Noise of joints and tracker takes up what the model lacks, so that its size says nothing; whether
-it depends on joint angles, gravity, the other joints or the direction of approach does.
+it depends on joint angles, gravity, the other joints or the direction of approach does. An encoder
+or a gear that is uneven in places turns its joint by any function of the angle: hats h_k, one every
+20 deg, sum_k f_k h_k(q), of which zero, gear and ripple take their part.
 """
 
 from collections.abc import Iterator
@@ -22,6 +24,12 @@ FEWEST_POSES = 20
 """Poses below which no pattern is looked for."""
 MUCH = 1.5
 """Times that the mean residual is smaller with a pattern from which on that is most of it."""
+_HAT = np.radians(20.0)
+"""From one hat to the next ..."""
+_TOUCHED = 1e-3
+"""Height of a hat below which no pose is in it."""
+_POSES_A_HAT = 5
+"""... of which there are so few that each has so many poses."""
 FAR = 0.005
 """Share of a body's size, and turn of a joint [rad], from which on such a pattern is a fault."""
 
@@ -40,6 +48,10 @@ class Pattern:
     """The joint, where it is waves in that joint's angle."""
     side_of: str | None = None
     """The joint, where it is the side from which that came."""
+    uneven: str | None = None
+    """The joint, where it is any function of that joint's angle."""
+    size: float = 0.0
+    """Half of what it turns the joint by, beside what a fit takes of it [rad]."""
 
     def __str__(self) -> str:
         """Say it in words."""
@@ -55,20 +67,27 @@ def systematic_patterns(
     """Name what the residuals depend on.
 
     Returns:
-        Patterns that noise does not make, the surest first.
+        Patterns that noise does not make, the surest first. That a joint is uneven, which explains
+        whatever its gear or waves do, is told where nothing simpler is, and where that is most of
+        what is missed: every gear is, a little.
     """
     if test.linear.whitening.groups.poses < FEWEST_POSES:
         return ()
     found = []
-    for effect in _effects(observations, parameters):
+    for effect in _effects(observations, parameters, test.linear.rows):
         by_angle = test.linear.by_angle[:, :, effect.joint, None]
         columns = by_angle * effect.turns[:, None]
         score = test.of(columns)
         if score.chance < LARGEST_CHANCE:
             joint = parameters.table.joints[effect.joint]
-            of = (joint if kind else None for kind in (effect.ripple, effect.side))
-            found.append(Pattern(effect.in_words(score), score, columns, *of))
-    return tuple(sorted(found, key=lambda p: _SIMPLER * p.score.dof - p.score.gain))
+            ripple, side, uneven = (
+                joint if kind else None for kind in (effect.ripple, effect.side, effect.uneven)
+            )
+            words, size = effect.told_by(score)
+            found.append(Pattern(words, score, columns, ripple, side, uneven, size))
+    found.sort(key=lambda p: _SIMPLER * p.score.dof - p.score.gain)
+    simplest = found[:1] if found and found[0].score.improvement > MUCH else []
+    return tuple(p for p in found if p.uneven is None or p in simplest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,21 +101,27 @@ class _Effect:
     turns: NDArray
     """What its numbers turn the joint by [rad]. Shape (N, m)."""
     taken: NDArray
-    """What the fit has for the joint's angle: its zero, and of a ripple its gear. Shape (N, k)."""
+    """What the fit has for the joint's angle: its zero, of a ripple its gear, of what is uneven its
+    ripple. Shape (N, k)."""
     ripple: bool = False
     """Whether it is waves in the joint's angle."""
     side: bool = False
     """Whether it is the side from which the joint came."""
+    uneven: bool = False
+    """Whether it is any function of the joint's angle."""
 
-    def in_words(self, score: Score) -> str:
-        """Put half of what it turns the joint by into words, beside what a fit takes of it."""
+    def told_by(self, score: Score) -> tuple[str, float]:
+        """Return words, and half of what it turns the joint by, beside what a fit takes of it."""
         turned = self.turns @ score.values
         turned = turned - self.taken @ np.linalg.lstsq(self.taken, turned, rcond=None)[0]
-        return self.cause.format(np.degrees(0.5 * np.ptp(turned)))
+        size = 0.5 * float(np.ptp(turned))
+        return self.cause.format(np.degrees(size)), size
 
 
-def _effects(observations: Observations, parameters: DhParameters) -> Iterator[_Effect]:
-    """Yield what an arm may do."""
+def _effects(
+    observations: Observations, parameters: DhParameters, counted: NDArray
+) -> Iterator[_Effect]:
+    """Yield what an arm may do. `counted` are the rows that count, shape (K,)."""
     q = (observations.angles - parameters.servos.offset) / parameters.servos.gear
     zero = np.ones((len(q), 1))
     waves = np.stack([np.sin(q), np.cos(q), np.sin(2.0 * q), np.cos(2.0 * q)], axis=2)
@@ -105,6 +130,9 @@ def _effects(observations: Observations, parameters: DhParameters) -> Iterator[_
         words = f"the angle of {joint} (eccentric gear or encoder, {{:.2g}} deg)"
         line = np.column_stack([zero, q[:, i]])
         yield _Effect(words, i, waves[:, i], line, ripple=True)
+        words = f"the angle of {joint}, in places (uneven encoder or gear, {{:.2g}} deg)"
+        hats = _hats(q[:, i], counted, len(observations.poses) // _POSES_A_HAT)
+        yield _Effect(words, i, hats, np.hstack([line, waves[:, i]]), uneven=True)
         yield _Effect(f"gravity (sag of {joint}, {{:.2g}} deg)", i, moments[:, i], zero)
         others = np.delete(q, i, axis=1)
         if others.shape[1]:
@@ -112,6 +140,24 @@ def _effects(observations: Observations, parameters: DhParameters) -> Iterator[_
             yield _Effect(words, i, others - others.mean(axis=0), zero)
         words = f"the direction from which {joint} came (backlash, half width {{:.2g}} deg)"
         yield _Effect(words, i, sides[:, i, None], zero, side=True)
+
+
+def _hats(place: NDArray, counted: NDArray, most: int) -> NDArray:
+    """Return hats over where a joint was, those that no row that counts is in left out.
+
+    Args:
+        place: Displacements of a joint. Shape (N,).
+        counted: Which rows count. Shape (K,).
+        most: How many hats there may be.
+
+    Returns:
+        Shape (N, m).
+    """
+    lowest, width = place.min(), max(float(np.ptp(place)), np.finfo(float).tiny)
+    count = max(min(most, 1 + int(np.ceil(width / _HAT))), 2)
+    steps = (place - lowest)[:, None] * ((count - 1) / width) - np.arange(count)
+    hats = np.maximum(1.0 - np.abs(steps), 0.0)
+    return hats[:, hats[counted].max(axis=0, initial=0.0) > _TOUCHED]
 
 
 def tell_sides(joint: str) -> str:
