@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,14 @@ from nico_selfmodel.model.self_model_file import save_model
 from nico_selfmodel.model.shape.shape_folder import load_shape
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 from nico_selfmodel.sessions.shapes.card import Card, card_of
-from nico_selfmodel.sessions.shapes.moving_shape import _ABOUT, _cropped, room_color, shape_of_arm
+from nico_selfmodel.sessions.shapes.moving_shape import (
+    _ABOUT,
+    _cropped,
+    _Seen,
+    _ToldApart,
+    room_color,
+    shape_of_arm,
+)
 from nico_selfmodel.sessions.shapes.rigid_body import RigidBody, all_move, moving_with
 from nico_selfmodel.systems.looking import touching_arm
 
@@ -141,6 +149,25 @@ def test_of_a_picture_that_part_is_kept_in_which_a_body_may_be():
     assert part.beyond.base is None  # the whole picture is not kept with it
     edge = _cropped(view, np.array([[0.0, 470.0], [5.0, 479.0]]))
     assert (edge.corner, edge.beyond.shape) == ((0, 470 - _ABOUT), (10 + _ABOUT, 5 + _ABOUT))
+
+
+def test_a_look_whose_pictures_show_the_room_alone_tells_of_no_body_and_does_not_count():
+    room = np.full((60, 80, 3), 100, np.uint8)
+    arm = room.copy()
+    arm[20:50, 20:50] = 30
+    shown, hidden = (
+        _ToldApart(SimpleNamespace(pictures=(arm, other)), (1.0, 1.0), None)
+        for other in (arm, room)
+    )
+    assert (shown.beyond[0] < 0.0).sum() == pytest.approx(900, abs=60)
+    assert hidden.beyond is None
+    number = {1: "right_hand"}
+    labels = np.full((60, 80), 1)
+    hidden.look.labels = labels, labels
+    rigid = SimpleNamespace(links={"right_hand"})
+    body = _Seen(rigid, None, None)
+    body.take(hidden, SimpleNamespace(links=number))
+    assert body.standpoints == body.views == []
 
 
 @pytest.mark.parametrize(("rows", "plain"), [(31, True), (29, False)])

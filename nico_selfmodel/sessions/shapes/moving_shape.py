@@ -136,10 +136,20 @@ class _ToldApart:
     pair: RectifiedPair
 
     @cached_property
-    def beyond(self) -> list[NDArray]:
-        """How far pixels are outside of what stands before the room. Shape (h, w) each [px]."""
+    def beyond(self) -> list[NDArray] | None:
+        """How far pixels are outside of what stands before the room. Shape (h, w) each [px].
+
+        None where a picture shows nothing but the room: the arm is too far aside.
+
+        Raises:
+            EstimationError: If the room is not plain.
+        """
         both = zip(self.look.pictures, self.noise, strict=True)
-        return [beyond_body(picture, room_color(picture), noise) for picture, noise in both]
+        seen = [(picture, room_color(picture), noise) for picture, noise in both]
+        try:
+            return [beyond_body(*one) for one in seen]
+        except EstimationError:
+            return None
 
     @cached_property
     def depth(self) -> NDArray:
@@ -164,6 +174,8 @@ class _Seen:
         rigid, look, k = self.rigid, told.look, len(self.standpoints)
         own = [number for number, name in image.links.items() if name in rigid.links]
         if min(int(np.isin(labels, own).sum()) for labels in look.labels) < _LEAST:
+            return
+        if told.beyond is None:
             return
         rig, X_WF, J = self.model.rig, look.poses[rigid.frame], look.by_joint[rigid.frame]
         beyond = [
