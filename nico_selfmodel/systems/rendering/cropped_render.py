@@ -208,12 +208,12 @@ class CroppedRender:
         """Render colours and the distance along the optical axis [m], inf where nothing is."""
         window = self._window(query)
         depth = self._depths(query, window)
-        self._nothing(query, query.RenderDepthImage)
+        self._nothing(query, query.RenderDepthImage, self._ranging)
         return self._whole(query, window), depth
 
     def emptied(self, query: QueryObject) -> None:
         """Let the renderer give back what it keeps of its last picture."""
-        self._nothing(query, query.RenderColorImage)
+        self._nothing(query, query.RenderColorImage, self._camera)
 
     def _depths(self, query: QueryObject, window: Window) -> NDArray:
         """Return distances in a window, inf elsewhere. Shape (h, w)."""
@@ -233,25 +233,29 @@ class CroppedRender:
         """Render colours, distances and labels."""
         left, top, right, bottom = window = self._window(query)
         color, depth = self.with_depth(query)
-        self._nothing(query, query.RenderColorImage)
+        self._nothing(query, query.RenderColorImage, self._camera)
         camera = self._camera(self._cropped(window), (right - left, bottom - top))
         labels = np.full(depth.shape, int(RenderLabel.kEmpty), np.int16)
         found = query.RenderLabelImage(camera, self.frame, self.X_FC)
         labels[top:bottom, left:right] = found.data[:, :, 0]
-        self._nothing(query, query.RenderLabelImage)
+        self._nothing(query, query.RenderLabelImage, self._camera)
         trim_memory()
         return LabelledPicture(color, depth, labels)
 
-    def _nothing(self, query: QueryObject, render: Callable[..., Any]) -> None:
+    def _nothing(
+        self, query: QueryObject, render: Callable[..., Any], camera: Callable[..., Any]
+    ) -> None:
         """Render a small picture of nothing.
 
         A renderer keeps buffers as large as its last picture of each kind, 0.1 GB in all: before it
         draws the next kind, such a picture takes their place.
+
+        Args:
+            render: Of the query, which draws one kind.
+            camera: Of that kind, by its matrix and size.
         """
-        small = _SMALL_K, (_SMALL, _SMALL)
-        depth = render == query.RenderDepthImage
-        camera = self._ranging(*small) if depth else self._camera(*small)
-        render(camera, query.inspector().world_frame_id(), _BEYOND)
+        small = camera(_SMALL_K, (_SMALL, _SMALL))
+        render(small, query.inspector().world_frame_id(), _BEYOND)
 
     def _whole(self, query: QueryObject, window: Window) -> NDArray:
         """Return the whole picture after rendering a part of it."""
