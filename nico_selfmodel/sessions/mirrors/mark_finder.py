@@ -165,11 +165,12 @@ class MarkFinder:
                 own = look.surprise if change is None else look.surprise.beside(change)
                 assert own.off is not None
                 assert own.covariance is not None
+                assert own.alike is not None
                 judged = np.isfinite(own.chi_square)
                 body = np.isin(look.labels[judged], [*poses])
                 places = np.where(np.isin(look.labels, [*poses]), own.chi_square, np.nan)
-                views.append(SurfaceView(side, rig, places, own.off[body], own.covariance[body],
-                                         look.depth, look.labels, poses))  # fmt: skip
+                rows = own.off[body], own.covariance[body], own.alike[body]
+                views.append(SurfaceView(side, rig, places, *rows, look.depth, look.labels, poses))
         return views
 
     def _agreed(self, first: Told, second: Told) -> list[Finding]:

@@ -74,6 +74,8 @@ class Surprise:
     """ē of the judged places, row by row. Shape (n, 3)."""
     covariance: NDArray | None = None
     """Its covariance. Shape (n, 3, 3)."""
+    alike: NDArray | None = None
+    """What of that is no noise of the camera, but wrong in all pictures alike. Shape (n, 3, 3)."""
 
     def __post_init__(self) -> None:
         """Make the array read-only."""
@@ -95,11 +97,13 @@ class Surprise:
     def beside(self, other: "Surprise") -> "Surprise":
         """Return this where it judges, and another elsewhere; raises as `places_beside`."""
         each, own = self.places_beside(other), np.isfinite(self.chi_square)
-        off, covariance = (
-            _rows_beside(own, other.chi_square, *rows)
-            for rows in ((self.off, other.off), (self.covariance, other.covariance))
+        both = (
+            (self.off, other.off),
+            (self.covariance, other.covariance),
+            (self.alike, other.alike),
         )
-        return Surprise(each, self.gain, self.expected, off, covariance)
+        rows = [_rows_beside(own, other.chi_square, *one) for one in both]
+        return Surprise(each, self.gain, self.expected, *rows)
 
 
 def _rows_beside(
@@ -183,7 +187,14 @@ def surprise(picture: NDArray, expected: Expectation) -> Surprise:
     mean = np.einsum("nij,nj->ni", covariance, sums)
     chi_square = np.full(judged.shape, np.nan)
     chi_square[whole] = np.sum(mean * sums, axis=1)
-    return Surprise(chi_square, gain, expected, mean, covariance)
+    return Surprise(chi_square, gain, expected, mean, covariance, _without(covariance, noise))
+
+
+def _without(covariance: NDArray, noise: float) -> NDArray:
+    """Return covariances of places without what noise makes of them. Shape (n, 3, 3)."""
+    found = covariance.copy()
+    found[:, range(3), range(3)] -= noise / _PLACE.size
+    return found
 
 
 def _sum_at(judged: NDArray, whole: NDArray, each: NDArray) -> NDArray:
