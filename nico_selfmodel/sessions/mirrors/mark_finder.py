@@ -267,7 +267,10 @@ class MarkFinder:
                 if spot is None or (spot.kind == NOT_ON_ME and self._on_arm(pair, a, b)):
                     continue
                 found.append((spot, (a, strong_a), (b, strong_b)))
-                if spot.kind == ON_ME and beyond_chance(a, b, places):
+                alike = [
+                    k.surprise.share_alike(p.u, p.v) for k, p in zip(pair, (a, b), strict=True)
+                ]
+                if spot.kind == ON_ME and beyond_chance(a, b, places, min(alike)):
                     both.add(id(spot))
         return [(spot, strong or id(spot) in both) for spot, strong in best_spots(found)]
 

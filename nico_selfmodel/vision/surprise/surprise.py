@@ -1,7 +1,7 @@
 """How surprising each pixel of a picture is, after what was expected to be seen there."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -80,6 +80,24 @@ class Surprise:
     def __post_init__(self) -> None:
         """Make the array read-only."""
         object.__setattr__(self, "chi_square", read_only(self.chi_square))
+
+    def share_alike(self, u: float, v: float) -> float:
+        """Return which share of a place's covariance is alike in all pictures; 0 if not judged.
+
+        Args:
+            u: Column of the place [px].
+            v: Row of the place [px].
+        """
+        judged = np.isfinite(self.chi_square)
+        row, column = round(v), round(u)
+        if self.covariance is None or self.alike is None or not judged[row, column]:
+            return 0.0
+        k = int(judged[:row].sum() + judged[row, :column].sum())
+        return float(np.trace(self.alike[k]) / np.trace(self.covariance[k]))
+
+    def of_its_own(self) -> "Surprise":
+        """Return the same of a picture whose expectation is wrong in no other alike."""
+        return replace(self, alike=None if self.alike is None else np.zeros_like(self.alike))
 
     def places_beside(self, other: "Surprise") -> NDArray:
         """Return z^2 of this where it judges, and of another of the same picture elsewhere.
