@@ -47,13 +47,13 @@ def geometry(look, side):
     return depth, labels
 
 
-def view(look, side, off, depth, labels):
-    """Return a picture of what differs by so many of its sigmas."""
+def view(look, side, off, depth, labels, alike=0.0):
+    """Return a picture of what differs by so many of its sigmas, a share of them not by noise."""
     known = off[np.isfinite(off).all(axis=2)]
     one = np.tile(np.eye(3), (len(known), 1, 1))
     places = np.sum(off**2, axis=2)
     poses = {HEAD: X_WH}
-    return SurfaceView(side, MIRRORS[look], places, known, one, depth, labels, poses)
+    return SurfaceView(side, MIRRORS[look], places, known, one, alike * one, depth, labels, poses)
 
 
 PAINT = np.array([0.6, 0.0, -0.8])
@@ -117,6 +117,23 @@ def test_a_place_that_all_pictures_tell_together_surprises_in_each_of_them():
             view.off[number] = np.sqrt(30.0) * PAINT
         lost += sum(not above.any() for above in together(found))
     assert lost == 0
+
+
+@pytest.mark.parametrize(
+    ("alike", "off", "surprises"),
+    [(0.0, 12.0, True), (0.9, 12.0, False), (0.9, 24.0, False), (0.9, 40.0, True)],
+)
+def test_what_is_expected_wrongly_in_all_pictures_alike_is_no_mark(alike, off, surprises):
+    """Of noise four pictures tell half as much as one; of wrong colours no less than one."""
+    rng, found = np.random.default_rng(4), []
+    for k in range(4):
+        look, side = divmod(k, 2)
+        depth, labels = geometry(look, side)
+        differs = np.full((*SHAPE, 3), np.nan)
+        own = labels == HEAD
+        differs[own] = np.sqrt(off) * PAINT + 0.1 * rng.standard_normal((own.sum(), 3))
+        found.append(view(look, side, differs, depth, labels, alike))
+    assert all(above.any() == surprises for above in together(found))
 
 
 @pytest.mark.slow

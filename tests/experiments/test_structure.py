@@ -20,7 +20,7 @@ from nico_selfmodel.geometry.surface_nets import surface_nets
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.geometry.voxel_grid import VoxelGrid
 from nico_selfmodel.model.cameras.mirror import Mirror
-from nico_selfmodel.sessions.mirrors.learned_shape import Skeleton, claimed
+from nico_selfmodel.sessions.mirrors.learned_shape import Skeleton, claimed, links_of
 from nico_selfmodel.sessions.mirrors.shape_looks import SHAPE_MIRRORS, well_told
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.simulated.imperfections import imperfections_named
@@ -159,6 +159,25 @@ def test_a_place_that_is_known_to_more_than_three_millimetres_is_not_claimed():
     colors = np.full((size, 3), 90.0)
     found = claimed(RefinedSurface(BALL, sigma, colors, np.full(size, FEWEST), ()))
     assert np.flatnonzero(~found).tolist() == [7]
+
+
+def test_a_place_that_is_hardly_nearer_to_its_own_link_than_to_another_is_not_claimed():
+    size = len(BALL.vertices)
+    known = np.full(size, 1e-3), np.full((size, 3), 90.0), np.full(size, FEWEST)
+    found = RefinedSurface(BALL, *known, ())
+    places = {"chest": [-0.006, 0.002, 0.001], "abdomen": [0.006, 0.0, 0.0]}
+    lines = np.array([[place, place] for place in places.values()])
+    poses = dict.fromkeys(places, np.eye(4))
+    shapes = links_of(found, Skeleton(tuple(places), lines), poses, list(places))
+    for link, other in (("chest", "abdomen"), ("abdomen", "chest")):
+        p, claims = shapes[link].mesh.vertices, shapes[link].seen
+        nearer = np.linalg.norm(p - places[other], axis=1) - np.linalg.norm(
+            p - places[link], axis=1
+        )
+        assert 0.0 < nearer.min() < 4.5e-3 < nearer[~claims].max() < 6e-3
+        assert 6e-3 < nearer[claims].min() < 7.5e-3
+    alone = links_of(found, Skeleton(("chest",), lines[:1]), poses, ["chest"])
+    assert alone["chest"].seen.all()
 
 
 def test_mirrors_that_do_not_tell_where_the_body_is_seen_are_left_out():

@@ -104,6 +104,19 @@ def test_places_of_two_pictures_are_beyond_chance_together_before_each_is_alone(
     assert beyond_chance(Blob(5.0, 5.0, 9, each), Blob(7.0, 5.0, 1, each), places) is beyond
 
 
+@pytest.mark.parametrize(("each", "beyond"), [(37.8, True), (37.3, False)])
+def test_what_is_wrong_alike_in_two_pictures_is_told_once(each, beyond):
+    """Of a covariance half of which is alike equal differences tell two thirds as much."""
+    pair = Blob(5.0, 5.0, 9, each), Blob(7.0, 5.0, 1, each)
+    assert beyond_chance(*pair, 20000, alike=0.5) is beyond
+    e, noise, alike = np.sqrt(each / 3.0) * np.ones(3), 0.5 * np.eye(3), 0.5 * np.eye(3)
+    covariance = np.block([[noise + alike, alike], [alike, noise + alike]])
+    both = np.concatenate([e, e])
+    told = both @ np.linalg.solve(covariance, both)
+    assert told == pytest.approx(2.0 * each / 1.5)
+    assert (20000 * 113 * chi_square_tail(told, 6) < 0.01) is beyond
+
+
 @pytest.mark.slow
 def test_noise_of_two_pictures_beside_the_body_surprises_in_one_of_a_hundred():
     rng = np.random.default_rng(7)

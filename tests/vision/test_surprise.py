@@ -56,6 +56,27 @@ def test_pure_noise_is_a_chi_square_of_three():
     assert np.isnan(found[0]).all()
 
 
+@pytest.mark.parametrize(("share", "alike"), [(0.0, 0.0), (0.01, 0.6923), (0.04, 0.973)])
+def test_what_is_no_noise_of_a_place_is_wrong_in_all_pictures_alike(share, alike):
+    """Noise of 2 levels is 2 / 3 in the mean of nine pixels; 1 % of 100 is one level in each."""
+    flat = np.full((120, 160, 3), 100.0)
+    known = Expectation(flat.astype(np.uint8), np.zeros((120, 160)), NOISE, share)
+    found = surprise(seen(flat, np.random.default_rng(2)), known)
+    assert found.share_alike(80.3, 60.8) == pytest.approx(alike, abs=0.01)
+    assert found.share_alike(0.0, 60.0) == 0.0  # the outermost pixels are not judged
+    assert found.of_its_own().share_alike(80.3, 60.8) == 0.0
+    assert (np.linalg.eigvalsh(found.alike) > -1e-9).all()
+
+
+def test_each_place_has_a_share_of_its_own():
+    picture = np.tile(np.linspace(20.0, 220.0, 160)[:, None], (120, 1, 3))
+    known = Expectation(picture.astype(np.uint8), np.zeros((120, 160)), NOISE, 0.01)
+    found = surprise(picture.astype(np.uint8), known)
+    shares = np.array([found.share_alike(u, 30.0) for u in range(1, 159)])
+    assert (np.diff(shares) > -1e-6).all()
+    assert shares[0] < 0.2 < 0.8 < shares[-1]
+
+
 @pytest.mark.parametrize("light", [0.9, 1.0, 1.1])
 def test_light_is_found_and_does_not_surprise(light):
     found = surprise(seen(light * checks(), np.random.default_rng(3)), expected())

@@ -12,7 +12,14 @@ from nico_selfmodel.experiments.mirror_test.painting import DIAMETER, MARK
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.shape.link_shape import BodyShape
 from nico_selfmodel.plant.touching.posed_arm import PosedArm
-from nico_selfmodel.plant.touching.touch_planner import OutOfReach, Touch, TouchPlanner, between
+from nico_selfmodel.plant.touching.touch_planner import (
+    CLEAR,
+    NARROW,
+    OutOfReach,
+    Touch,
+    TouchPlanner,
+    between,
+)
 from nico_selfmodel.sessions.mirrors.acquaintance import rendered
 from nico_selfmodel.sessions.mirrors.knowing import LINKS, Knowing
 from nico_selfmodel.sessions.progress import Stage, of_robot
@@ -91,8 +98,10 @@ class TouchJudge:
         """Take a robot, behind the door of what only the simulation knows."""
         self._truth: GroundTruth = nico.ground_truth
         model, held = self._truth.model(), self._truth.held
-        stops = self.stops
-        self._planner = TouchPlanner(nico.arm, model, FINGER, held=held, limits=stops)
+        self._planner, self._narrow = (
+            TouchPlanner(nico.arm, model, FINGER, held=held, limits=self.stops, clear=clear)
+            for clear in ((CLEAR,), (CLEAR, NARROW))
+        )
         self._posed = PosedArm(nico.arm, model, FINGER, held).as_drawn()
 
     @property
@@ -106,10 +115,14 @@ class TouchJudge:
     ) -> bool:
         """Return whether an arm and a body that are known exactly have a way to a place.
 
-        It is looked for from where the robot's own way ends, too.
+        It keeps as far from the body as the robot's own way, which need not be the usual distance,
+        and is looked for from where that ends, too.
         """
-        near = plan.readings[-1] if isinstance(plan, Touch) else None
-        return isinstance(self._planner.at_place(mark.link, mark.p_FM, n_F, rng, near=near), Touch)
+        near, planner = None, self._planner
+        if isinstance(plan, Touch):
+            near = plan.readings[-1]
+            planner = self._planner if plan.clearance >= CLEAR else self._narrow
+        return isinstance(planner.at_place(mark.link, mark.p_FM, n_F, rng, near=near), Touch)
 
     def go(self, plan: Touch, mark: Mark, n_F: NDArray, rng: np.random.Generator) -> Executed:
         """Go a way as the true arm goes it, joints loose as they are.
@@ -158,7 +171,7 @@ def run_touches(
         planner = TouchPlanner(
             nico.arm, known.robot.model, FINGER,
             held=known.body.angles, X_WB=known.body.X_WB, limits=judge.stops,
-            shape=shapes.get(seed),
+            shape=shapes.get(seed), clear=(CLEAR, NARROW),
         )  # fmt: skip
         own = [t for t in marks.trials if t.robot == seed and t.painted.kind == MARK]
         touched += _marks(seed, own, planner, judge)

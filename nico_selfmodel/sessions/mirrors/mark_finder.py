@@ -165,11 +165,12 @@ class MarkFinder:
                 own = look.surprise if change is None else look.surprise.beside(change)
                 assert own.off is not None
                 assert own.covariance is not None
+                assert own.alike is not None
                 judged = np.isfinite(own.chi_square)
                 body = np.isin(look.labels[judged], [*poses])
                 places = np.where(np.isin(look.labels, [*poses]), own.chi_square, np.nan)
-                views.append(SurfaceView(side, rig, places, own.off[body], own.covariance[body],
-                                         look.depth, look.labels, poses))  # fmt: skip
+                rows = own.off[body], own.covariance[body], own.alike[body]
+                views.append(SurfaceView(side, rig, places, *rows, look.depth, look.labels, poses))
         return views
 
     def _agreed(self, first: Told, second: Told) -> list[Finding]:
@@ -266,7 +267,10 @@ class MarkFinder:
                 if spot is None or (spot.kind == NOT_ON_ME and self._on_arm(pair, a, b)):
                     continue
                 found.append((spot, (a, strong_a), (b, strong_b)))
-                if spot.kind == ON_ME and beyond_chance(a, b, places):
+                alike = [
+                    k.surprise.share_alike(p.u, p.v) for k, p in zip(pair, (a, b), strict=True)
+                ]
+                if spot.kind == ON_ME and beyond_chance(a, b, places, min(alike)):
                     both.add(id(spot))
         return [(spot, strong or id(spot) in both) for spot, strong in best_spots(found)]
 

@@ -103,20 +103,24 @@ def _merged(found: list[tuple[Blob, bool]]) -> list[tuple[Blob, bool]]:
     return merged
 
 
-def beyond_chance(first: Blob, second: Blob, places: int) -> bool:
+def beyond_chance(first: Blob, second: Blob, places: int, alike: float = 0.0) -> bool:
     """Return whether places of two pictures that may show one spot surprise together.
 
     Of n places of one picture each has m = 113 in the other that may be of the same spot:
 
-        n m P(chi^2_6 > z_1^2 + z_2^2) < 0.01
+        n m P(chi^2_6 > (z_1^2 + z_2^2) / (1 + a)) < 0.01
+
+    with a the share of their covariances C that is alike in both: of two equal differences e it is
+    2 e' (C + a C)^-1 e, and less of others.
 
     Args:
         first: Of one camera's picture.
         second: Of the other's, of the same look.
         places: n.
+        alike: a.
     """
     least = threshold_of(places * _PLACES_ABOUT, FALSE_ALARM, 6)
-    return first.chi_square + second.chi_square > least
+    return first.chi_square + second.chi_square > (1.0 + alike) * least
 
 
 def spots_at(surprise: Surprise, u: float, v: float) -> list[Blob]:

@@ -1,7 +1,7 @@
 """How surprising each pixel of a picture is, after what was expected to be seen there."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -74,10 +74,30 @@ class Surprise:
     """ē of the judged places, row by row. Shape (n, 3)."""
     covariance: NDArray | None = None
     """Its covariance. Shape (n, 3, 3)."""
+    alike: NDArray | None = None
+    """What of that is no noise of the camera, but wrong in all pictures alike. Shape (n, 3, 3)."""
 
     def __post_init__(self) -> None:
         """Make the array read-only."""
         object.__setattr__(self, "chi_square", read_only(self.chi_square))
+
+    def share_alike(self, u: float, v: float) -> float:
+        """Return which share of a place's covariance is alike in all pictures; 0 if not judged.
+
+        Args:
+            u: Column of the place [px].
+            v: Row of the place [px].
+        """
+        judged = np.isfinite(self.chi_square)
+        row, column = round(v), round(u)
+        if self.covariance is None or self.alike is None or not judged[row, column]:
+            return 0.0
+        k = int(judged[:row].sum() + judged[row, :column].sum())
+        return float(np.trace(self.alike[k]) / np.trace(self.covariance[k]))
+
+    def of_its_own(self) -> "Surprise":
+        """Return the same of a picture whose expectation is wrong in no other alike."""
+        return replace(self, alike=None if self.alike is None else np.zeros_like(self.alike))
 
     def places_beside(self, other: "Surprise") -> NDArray:
         """Return z^2 of this where it judges, and of another of the same picture elsewhere.
@@ -95,11 +115,13 @@ class Surprise:
     def beside(self, other: "Surprise") -> "Surprise":
         """Return this where it judges, and another elsewhere; raises as `places_beside`."""
         each, own = self.places_beside(other), np.isfinite(self.chi_square)
-        off, covariance = (
-            _rows_beside(own, other.chi_square, *rows)
-            for rows in ((self.off, other.off), (self.covariance, other.covariance))
+        both = (
+            (self.off, other.off),
+            (self.covariance, other.covariance),
+            (self.alike, other.alike),
         )
-        return Surprise(each, self.gain, self.expected, off, covariance)
+        rows = [_rows_beside(own, other.chi_square, *one) for one in both]
+        return Surprise(each, self.gain, self.expected, *rows)
 
 
 def _rows_beside(
@@ -183,7 +205,14 @@ def surprise(picture: NDArray, expected: Expectation) -> Surprise:
     mean = np.einsum("nij,nj->ni", covariance, sums)
     chi_square = np.full(judged.shape, np.nan)
     chi_square[whole] = np.sum(mean * sums, axis=1)
-    return Surprise(chi_square, gain, expected, mean, covariance)
+    return Surprise(chi_square, gain, expected, mean, covariance, _without(covariance, noise))
+
+
+def _without(covariance: NDArray, noise: float) -> NDArray:
+    """Return covariances of places without what noise makes of them. Shape (n, 3, 3)."""
+    found = covariance.copy()
+    found[:, range(3), range(3)] -= noise / _PLACE.size
+    return found
 
 
 def _sum_at(judged: NDArray, whole: NDArray, each: NDArray) -> NDArray:

@@ -13,6 +13,7 @@ from nico_selfmodel.plant.touching.touch_planner import (
     APPROACH,
     CLEAR,
     LEAN,
+    NARROW,
     OutOfReach,
     Touch,
     TouchPlanner,
@@ -162,12 +163,36 @@ def test_a_place_that_the_finger_would_have_to_reach_through_the_head_is_out_of_
 
 
 @pytest.mark.slow
-def test_a_larger_distance_from_the_body_leaves_a_place_out_of_reach(planner, monkeypatch):
+def test_a_larger_distance_from_the_body_leaves_a_place_out_of_reach(nico, planner):
     assert isinstance(planned(planner), Touch)
-    monkeypatch.setattr(touch_planner, "CLEAR", 0.08)
-    found = planned(planner)
+    arm, model, held = nico
+    found = planned(TouchPlanner(arm, model, FINGER, held=held, clear=[0.08]))
     assert isinstance(found, OutOfReach)
     assert "80 mm away from the rest" in found.reason
+
+
+@pytest.mark.slow
+def test_where_there_is_no_way_at_a_distance_the_next_one_counts(nico, planner):
+    arm, model, held = nico
+    known = planned(planner)
+    found = planned(TouchPlanner(arm, model, FINGER, held=held, clear=[0.08, CLEAR]))
+    np.testing.assert_array_equal(found.readings, known.readings)
+    near = planned(TouchPlanner(arm, model, FINGER, held=held, clear=[CLEAR, NARROW]))
+    np.testing.assert_array_equal(near.readings, known.readings)
+
+
+@pytest.mark.slow
+def test_no_nearer_way_is_tried_where_the_finger_does_not_come_to_the_place(planner, monkeypatch):
+    asked = []
+
+    def tried(self, place, starts, clear):
+        asked.append(clear)
+        return touch_planner._Lacking(len(asked), 0.5, "a way")
+
+    monkeypatch.setattr(TouchPlanner, "_tried", tried)
+    monkeypatch.setattr(planner, "_clear", (0.3, 0.2, 0.1))
+    assert planned(planner) == OutOfReach("a way")
+    assert asked == [0.3]
 
 
 @pytest.mark.slow
@@ -194,9 +219,9 @@ def test_a_known_posture_is_where_the_way_is_looked_for_first(planner, monkeypat
     starts = []
     tried = TouchPlanner._from
 
-    def from_(self, start, place):
+    def from_(self, start, place, clear):
         starts.append(start)
-        return tried(self, start, place)
+        return tried(self, start, place, clear)
 
     monkeypatch.setattr(TouchPlanner, "_from", from_)
     again = planner.at_place("head", *FRONT, np.random.default_rng(9), near=known.readings[-1])
@@ -212,7 +237,7 @@ def test_only_where_no_start_came_to_the_place_are_few_enough(planner, monkeypat
     """What a solver leaves of a way that it does not find may be anywhere, and tells nothing."""
     starts = []
 
-    def from_(self, start, place):
+    def from_(self, start, place, clear):
         starts.append(start)
         return touch_planner._Lacking(asked, 0.5, "a way")
 
@@ -224,7 +249,7 @@ def test_only_where_no_start_came_to_the_place_are_few_enough(planner, monkeypat
 def test_starts_bring_the_finger_near_to_the_place_and_hardly_lean_too_far(planner, monkeypatch):
     starts = []
 
-    def from_(self, start, place):
+    def from_(self, start, place, clear):
         starts.append(start)
         return touch_planner._Lacking(1, 0.0, "a way")
 
