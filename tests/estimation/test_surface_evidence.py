@@ -136,6 +136,19 @@ def test_what_is_expected_wrongly_in_all_pictures_alike_is_no_mark(alike, off, s
     assert all(above.any() == surprises for above in together(found))
 
 
+def test_what_is_wrong_in_one_picture_alone_is_alike_in_none():
+    """What has changed since an earlier picture is compared with that, and not with the body."""
+    found = []
+    for side, alike in ((0, 0.0), (1, 0.9)):
+        depth, labels = geometry(0, side)
+        differs = np.full((*SHAPE, 3), np.nan)
+        differs[labels == HEAD] = np.sqrt(20.0) * PAINT
+        found.append(view(0, side, differs, depth, labels, alike))
+    assert all(above.any() for above in together(found))
+    both = [replace(one, alike=found[1].alike[:1] + 0.0 * one.covariance) for one in found]
+    assert not any(above.any() for above in together(both))
+
+
 @pytest.mark.slow
 def test_what_one_picture_shows_however_bright_is_not_on_the_surface():
     for k in range(4):

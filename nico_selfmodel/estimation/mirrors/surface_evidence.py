@@ -57,10 +57,10 @@ def surprising_together(
     differs by in those that judge it, C_i their covariances, and S_i what of these is no noise but
     colours and places that are expected wrongly, the least squares for d have
 
-        z^2 = b' (sum C_i^-1 (C_i + (m - 1) S_i) C_i^-1)^-1 b,    b = sum C_i^-1 e_i
+        z^2 = b' (sum C_i^-1 (C_i - S_i) C_i^-1 + K K')^-1 b,    b = sum C_i^-1 e_i
+        K = sum C_i^-1 S_i^(1/2)
 
-    of three degrees of freedom. What is expected wrongly is so in all pictures, more or less
-    alike: their sum's covariance is m times the sum of theirs at most, and is taken to be that.
+    of three degrees of freedom. What is expected wrongly is taken to be so in all pictures alike.
     (With C_i alone an edge low on the body of robot 1853 was a mark in two trials of eight.) A
     place surprises if
 
@@ -99,42 +99,46 @@ def _together(
     filled = np.nan_to_num(each)
     may = np.flatnonzero(filled.sum(axis=0) > least)  # z^2 is at most this
     shown, judged = [(v[may], u[may]) for _, v, u in shown], np.isfinite(each[:, may])
-    W, R, b = _told(views, shown, judged)
+    told = _told(views, shown, judged)
     numbers = range(len(views))
     rest = [
-        np.min([_without(W, R, b, some) for some in combinations(numbers, k)], axis=0)
-        for k in (1, 2)
+        np.min([_without(*told, some) for some in combinations(numbers, k)], axis=0) for k in (1, 2)
     ]
     rest = np.where(judged.sum(axis=0) < _MANY, *rest)
-    found = (_without(W, R, b, ()) > least) & (rest > GATE_3)
+    found = (_without(*told, ()) > least) & (rest > GATE_3)
     return [(v[found & own], u[found & own]) for own, (v, u) in zip(judged, shown, strict=True)]
 
 
 def _told(
     views: Sequence[SurfaceView], shown: Sequence[tuple[NDArray, NDArray]], judged: NDArray
 ) -> tuple[NDArray, NDArray, NDArray]:
-    """Return C^-1, C^-1 S C^-1 and C^-1 e of places in each picture, 0 where it does not judge.
+    """Return C^-1, C^-1 S^(1/2) and C^-1 e of places in each picture, 0 where it does not judge.
 
     Shapes (m, N, 3, 3) twice, and (m, N, 3).
     """
-    W, R = np.zeros((2, *judged.shape, 3, 3))
+    W, K = np.zeros((2, *judged.shape, 3, 3))
     b = np.zeros((*judged.shape, 3))
     for k, (view, (v, u), own) in enumerate(zip(views, shown, judged, strict=True)):
         number = np.cumsum(view.judged).reshape(view.places.shape) - 1
         which = number[v[own], u[own]]
         W[k, own] = np.linalg.inv(view.covariance[which])
-        R[k, own] = W[k, own] @ view.alike[which] @ W[k, own]
+        K[k, own] = W[k, own] @ _root(view.alike[which])
         b[k, own] = np.einsum("nij,nj->ni", W[k, own], view.off[which])
-    return W, R, b
+    return W, K, b
 
 
-def _without(W: NDArray, R: NDArray, b: NDArray, left_out: Sequence[int]) -> NDArray:
+def _root(covariance: NDArray) -> NDArray:
+    """Return the symmetric roots of covariances. Shape (N, 3, 3)."""
+    values, ways = np.linalg.eigh(covariance)
+    return (ways * np.sqrt(np.maximum(values, 0.0))[:, None]) @ ways.transpose(0, 2, 1)
+
+
+def _without(W: NDArray, K: NDArray, b: NDArray, left_out: Sequence[int]) -> NDArray:
     """Return z^2 without some pictures; 0 where no other judges. Shape (N,)."""
     kept = [k for k in range(len(W)) if k not in left_out]
-    judging = np.trace(W[kept], axis1=2, axis2=3) > 0.0
-    others = np.maximum(judging.sum(axis=0) - 1.0, 0.0)[:, None, None]
-    total = W[kept].sum(axis=0) + others * R[kept].sum(axis=0)
-    told = b[kept].sum(axis=0)
+    alike, told = K[kept].sum(axis=0), b[kept].sum(axis=0)
+    noise = W[kept] - K[kept] @ K[kept].transpose(0, 1, 3, 2)
+    total = noise.sum(axis=0) + alike @ alike.transpose(0, 2, 1)
     some = np.trace(total, axis1=1, axis2=2) > 0.0
     found = np.zeros(len(told))
     each = np.linalg.solve(total[some], told[some][:, :, None])[:, :, 0]
