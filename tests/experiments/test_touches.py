@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation.mirrors.mark_place import ON_ME
-from nico_selfmodel.estimation.mirrors.paint_colors import PaintColors
 from nico_selfmodel.experiments.mirror_test import report, touches
 from nico_selfmodel.experiments.mirror_test.marks import MarkStage, MarkTrial
 from nico_selfmodel.experiments.mirror_test.painting import MARK, Painted
@@ -26,14 +25,12 @@ from nico_selfmodel.experiments.mirror_test.touches_report import (
     touches_table,
 )
 from nico_selfmodel.plant.touching.touch_planner import OutOfReach, Touch, TouchPlanner
-from nico_selfmodel.sessions.mirrors.acquaintance import Acquainted
-from nico_selfmodel.sessions.mirrors.knowing import Knowing
-from nico_selfmodel.sessions.mirrors.known_body import KnownBody
 from nico_selfmodel.sessions.mirrors.mark_finder import Finding
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.looking import FINGER, touching_arm
 from nico_selfmodel.systems.rendering.mark_on_body import Mark
-from nico_selfmodel.systems.simulated.imperfections import imperfections_named
+
+from ..knowing_nico import knowing
 
 WAY = Touch(np.zeros((4, 6)), np.zeros((4, 6)), np.zeros((4, 3)), 0.006, 0.2)
 WENT = Executed(0.002, 0.001, 0.004, "head and right_hand")
@@ -99,9 +96,11 @@ def test_a_mark_in_reach_that_is_said_to_be_beyond_counts_as_missed():
 
 def test_the_table_counts_places_and_says_how_far_off_they_are():
     text = touches_table(stage()).markdown
-    assert "| marks found | 60 | 30 | 30 | 30 | 0 | 2.0, 2.0, 2.0 | 4.0 |" in text
+    assert "| marks found | 60 | 30 | 30 | 0 | 30 | 0 | 2.0, 2.0, 2.0 | 4.0 |" in text
     nothing = touches_table(TouchStage((), (), 0)).markdown
-    assert "| marks found | 0 | 0 | 0 | 0 | 0 | - | - |" in nothing
+    assert "| marks found | 0 | 0 | 0 | 0 | 0 | 0 | - | - |" in nothing
+    again = replace(TOUCHED, executed=replace(WENT, tries=2))
+    assert "| marks found | 60 | 30 | 30 | 1 | 30 |" in touches_table(stage(first=again)).markdown
 
 
 @pytest.fixture(scope="module")
@@ -170,25 +169,16 @@ def place_in_reach(nico):
 
 @pytest.mark.slow
 def test_a_robot_goes_to_marks_it_has_found_and_says_which_are_out_of_reach(monkeypatch):
-    nico = RenderedNico("thesis", 2, ("fiducial",), arm=touching_arm("fiducial"))
-    truth = nico.ground_truth
-    mark, normal = place_in_reach(nico)
+    known = knowing(2)
+    mark, normal = place_in_reach(known.before.nico)
     back = Mark("head", np.array([-0.0715, 0.0, 0.076]), 0.01, np.ones(3))
-    world = imperfections_named("thesis")
-    acquainted = Acquainted(2, world, truth.model(), np.zeros((0, 6)))
-    paints = PaintColors.by_description(np.zeros((0, 3)))
-    body = KnownBody(
-        truth.model(), (), truth.held, np.zeros(6), np.zeros(3), np.zeros((0, 0)), paints
-    )
     trials = [
         MarkTrial(2, Painted(MARK, one, n), (Finding(ON_ME, one.link, one.p_FM, None, ()),), None)
         for one, n in ((mark, normal), (back, np.array([-1.0, 0.0, 0.0])))
     ]
     missed = MarkTrial(2, Painted(MARK, mark, normal), (), None)
     monkeypatch.setattr(touches, "PLANS", 1)
-    found = run_touches(
-        [Knowing(acquainted, body, {}, {}, {}, None)], {}, MarkStage((*trials, missed), None)
-    )
+    found = run_touches([known], {}, MarkStage((*trials, missed), None))
     first, second = found.marks
     assert first.way_exists
     assert first.executed.off < 0.012

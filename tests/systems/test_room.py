@@ -3,12 +3,14 @@
 import cv2
 import numpy as np
 import pytest
+from pydrake.math import RigidTransform
 
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.sessions.whole_body import cards_about_nico, room_about_nico
 from nico_selfmodel.systems.looking import HEAD_JOINTS, looking_body
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
+from nico_selfmodel.systems.rendering.textured_card import textured_card
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.systems.stations.nico_detectors import room_detectors
 from nico_selfmodel.systems.stations.nico_station import NicoStation
@@ -24,6 +26,17 @@ def test_wallpaper_is_the_same_for_the_same_seed_and_nowhere_plain():
     picture = cv2.imdecode(np.frombuffer(papers[0], np.uint8), cv2.IMREAD_COLOR)
     assert picture.shape == (250, 250, 3)
     assert min(picture[k::4].std() for k in range(4)) > 25.0
+
+
+def test_pictures_of_cards_are_files_of_different_names():
+    """Renderers keep them by name: four cards of one name showed the same markers."""
+    names = []
+    for picture in (b"one", b"another", b"one"):
+        card = textured_card("card", picture, (0.1, 0.1), RigidTransform(), 1)
+        files = card.shape().source().in_memory().supporting_files
+        names.append({name for name in files if name.endswith(".png")})
+    assert names[0] == names[2]
+    assert not names[0] & names[1]
 
 
 @pytest.mark.slow

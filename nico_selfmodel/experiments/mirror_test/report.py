@@ -25,6 +25,7 @@ from nico_selfmodel.experiments.mirror_test.structure_report import (
     structure_document,
     structure_table,
 )
+from nico_selfmodel.experiments.mirror_test.touches import SEEN_ON
 from nico_selfmodel.experiments.mirror_test.touches_report import touches_document, touches_table
 from nico_selfmodel.experiments.mirror_test.unknown_mirror_report import (
     mirrors_document,
@@ -36,7 +37,7 @@ from nico_selfmodel.experiments.mirror_test.unmarked_report import (
     unmarked_document,
     unmarked_table,
 )
-from nico_selfmodel.plant.touching.touch_planner import CLEAR, LEAN
+from nico_selfmodel.plant.touching.touch_planner import CLEAR, LEAN, NARROW
 from nico_selfmodel.sessions.mirrors.expecting import MOST_UNLIKE
 from nico_selfmodel.sessions.mirrors.mark_finder import LENS_SIGMA, PIXEL_SIGMA
 from nico_selfmodel.sessions.mirrors.mirror_looks import COLOR_SIGMA
@@ -143,7 +144,11 @@ DERIVED_SHAPE = "derived: from what mirrors, joints and cameras are known by"
 SET_COLOR = f"{100 * COLOR_SIGMA:g} %: set on robots 0 and 1; more where its looks tell"
 SET_MIDDLE = f"{PIXEL_SIGMA:g} and {LENS_SIGMA:g} px: set on robots 900 and 950"
 SET_UNLIKE = f"{100 * MOST_UNLIKE:g} %: set on robot 900"
-NEAR_AND_LEAN = f"{1e3 * CLEAR:.0f} mm, {np.degrees(LEAN):.0f} deg: chosen"
+NEAR_AND_LEAN = (
+    f"{1e3 * CLEAR:.0f} mm, and {1e3 * NARROW:g} mm where there is no such way (set on robots 1853, "
+    f"1893 and 1894), {np.degrees(LEAN):.0f} deg: chosen"
+)
+SEEN_BESIDE = f"{1e3 * SEEN_ON:g} mm: set on robot 1893"
 
 
 def _given() -> Table:
@@ -176,6 +181,8 @@ def _given() -> Table:
         ["how thick paint may be", "0.2 mm: given"],
         ["threshold of a surprising place", "derived: one false place in 100 pictures"],
         ["how near the arm may come to the body, how far the finger may lean", NEAR_AND_LEAN],
+        ["where its finger came to", "seen in the mirror, by the edges of its arm"],
+        ["how far beside a mark it is seen and goes again", SEEN_BESIDE],
         ["odds that stop the test", "derived: 100 to 1 that of 100 verdicts not one is wrong"],
         ["threshold of the motion mask", "derived: one false cell in 1000 still pictures"],
     ]

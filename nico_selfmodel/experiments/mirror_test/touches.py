@@ -11,7 +11,7 @@ from nico_selfmodel.experiments.mirror_test.marks import MarkStage, MarkTrial
 from nico_selfmodel.experiments.mirror_test.painting import DIAMETER, MARK
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.shape.link_shape import BodyShape
-from nico_selfmodel.plant.touching.posed_arm import PosedArm
+from nico_selfmodel.plant.touching.posed_arm import Finger, PosedArm
 from nico_selfmodel.plant.touching.touch_planner import (
     CLEAR,
     NARROW,
@@ -22,30 +22,44 @@ from nico_selfmodel.plant.touching.touch_planner import (
 )
 from nico_selfmodel.sessions.mirrors.acquaintance import rendered
 from nico_selfmodel.sessions.mirrors.knowing import LINKS, Knowing
+from nico_selfmodel.sessions.mirrors.known_body import Shot
+from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
+from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
 from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
+from nico_selfmodel.sessions.touching.seen_arm import see_arm
+from nico_selfmodel.systems.closing import free_memory
 from nico_selfmodel.systems.looking import FINGER
+from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.systems.rendering.mark_on_body import Mark
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
+from nico_selfmodel.systems.stations.nico_station import NicoStation
 
 PLANS = 50
 """Ways to places drawn anywhere on head and chest, in all; marks are not needed for them."""
+TRIES, SEEN_ON = 3, 2.5e-3
+"""How often the finger goes to a mark, and within what it must then be seen of it [m]: what a look
+tells of the finger is off by a millimetre, and a mark's radius is 5 mm."""
+_DAY = 11
 _POSTURES, _NEAR = 10000, 0.02
 """Postures that are drawn for these, a robot, and how near the finger must come to a link [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Executed:
-    """A way as the true arm went it."""
+    """A way as the true arm went it, the last time."""
 
     off: float
     """Distance of the finger from the place along the surface [m]."""
     gap: float
     """Distance of the finger from the surface, negative inside [m]."""
     clearance: float
-    """Least distance of the arm from the body on the way, the finger excepted [m]."""
+    """Least distance of the arm from the body whenever it went, the finger excepted [m]."""
     nearest: str
     """Links that were so near."""
+    tries: int = 1
+    """How often it went."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,19 +139,27 @@ class TouchJudge:
         return isinstance(planner.at_place(mark.link, mark.p_FM, n_F, rng, near=near), Touch)
 
     def go(self, plan: Touch, mark: Mark, n_F: NDArray, rng: np.random.Generator) -> Executed:
-        """Go a way as the true arm goes it, joints loose as they are.
+        """Go a way once as the true arm goes it, joints loose as they are.
 
         Args:
             mark: Where the mark really is.
             n_F: Outward normal there, in the frame of its link. Shape (3,).
             rng: Source of what the joints leave to chance.
         """
-        posed, mechanics = self._posed, self._truth.instance.arm
-        q = np.array(
-            [mechanics.angles(mechanics.dragged(mechanics.reached(r)), rng) for r in plan.readings]
-        )
-        near = []
-        for posture in between(q):
+        mechanics = self._truth.instance.arm
+        q = [mechanics.angles(mechanics.dragged(mechanics.reached(r)), rng) for r in plan.readings]
+        return self.gone([np.array(q)], mark, n_F)
+
+    def gone(self, ways: Sequence[NDArray], mark: Mark, n_F: NDArray) -> Executed:
+        """Judge ways by where the true joints stood, of which the last one counts for the place.
+
+        Args:
+            ways: True angles in the postures of each [rad]. Shape (k, n) each.
+            mark: Where the mark really is.
+            n_F: Outward normal there, in the frame of its link. Shape (3,).
+        """
+        posed, near = self._posed, []
+        for posture in np.concatenate([between(way) for way in ways]):
             posed.pose(posture)
             near.append(posed.clearance())
         X_LF = posed.link_pose(mark.link)
@@ -145,7 +167,60 @@ class TouchJudge:
         off = p_LE - apply(X_LF, mark.p_FM[None])[0]
         clearance, nearest = min(near)
         gap = float(n @ off) - posed.finger.radius
-        return Executed(float(np.linalg.norm(off - (n @ off) * n)), gap, clearance, nearest)
+        aside = float(np.linalg.norm(off - (n @ off) * n))
+        return Executed(aside, gap, clearance, nearest, len(ways))
+
+
+class _Toucher:
+    """One robot before its first mirror, which looks where its finger came to."""
+
+    def __init__(self, known: Knowing, image: BodyImage, station: NicoStation, finger: Finger):
+        self._known, self._image, self._station, self._finger = known, image, station, finger
+        model, X_BM = known.robot.model, known.before.views[MIRROR].X_BM
+        self._looks = MirrorLooks(station, image, model, model.mirrors[MIRROR], X_BM)
+        self._looks.before(known.body.mirror(MIRROR), X_BM)
+        known.body.pose(image)
+
+    def go(self, plan: Touch, place: tuple[str, NDArray, NDArray]) -> list[NDArray]:
+        """Go a way until the finger is seen where it should be, or has gone often enough.
+
+        Joints are loose: the same readings bring the finger elsewhere each time.
+
+        Args:
+            place: Link, and place and normal in its frame.
+
+        Returns:
+            How the true joints stood each time, which the robot is not told. Shape (k, n) each.
+        """
+        body, ways = self._looks.body, []
+        for _ in range(TRIES):
+            way = []
+            for readings in plan.readings[:-1]:
+                body.relive(readings)
+                way.append(self._true_angles())
+            shot = self._looks.shot(MIRROR, plan.readings[-1])
+            ways.append(np.array([*way, self._true_angles()]))
+            if self._seen_off(shot, place) <= SEEN_ON:
+                break
+        return ways
+
+    def _seen_off(self, shot: Shot, place: tuple[str, NDArray, NDArray]) -> float:
+        """Return how far the finger is seen from a place along the surface [m]; 0 if it is not."""
+        seen = see_arm(self._image, self._known.body, shot)
+        if seen is None:
+            return 0.0
+        link, p_FM, n_F = place
+        servos = self._known.robot.model.servos
+        poses = self._image.poses(servos.to_encoder(seen.q[None])[0])
+        off = apply(inverse(poses[link]) @ poses[self._finger.link], self._finger.p_FE[None])[0]
+        off = off - p_FM
+        n = n_F / np.linalg.norm(n_F)
+        return float(np.linalg.norm(off - (n @ off) * n))
+
+    def _true_angles(self) -> NDArray:
+        servos = self._station.GetSubsystemByName("servos")
+        own = servos.GetMyContextFromRoot(self._looks.body.context)
+        return np.array(servos.GetOutputPort("q_true").Eval(own))
 
 
 def run_touches(
@@ -174,7 +249,8 @@ def run_touches(
             shape=shapes.get(seed), clear=(CLEAR, NARROW),
         )  # fmt: skip
         own = [t for t in marks.trials if t.robot == seed and t.painted.kind == MARK]
-        touched += _marks(seed, own, planner, judge)
+        touched += _marks(known, own, planner, judge)
+        free_memory()
         some = _plans(seed, len(range(i, PLANS, len(robots))), planner, judge)
         plans += some[0]
         drawn += some[1]
@@ -184,19 +260,25 @@ def run_touches(
 
 
 def _marks(
-    seed: int, trials: Sequence[MarkTrial], planner: TouchPlanner, judge: TouchJudge
+    known: Knowing, trials: Sequence[MarkTrial], planner: TouchPlanner, judge: TouchJudge
 ) -> list[TouchTrial]:
     """Touch the marks that one robot has found."""
-    done = []
-    for k, trial in enumerate(trials):
-        mark, normal = trial.painted.mark, trial.painted.normal
-        found = [one for one in trial.found if one.kind == ON_ME]
-        if mark is None or normal is None or not found or found[0].p_FM is None:
-            continue
-        assert found[0].link is not None, "what is on me is on a link"
-        place = found[0].link, found[0].p_FM
-        rng = np.random.default_rng((seed, 48, k))
-        done.append(_touched(seed, place, (mark, normal), planner, judge, rng))
+    done, robot = [], known.robot
+    nico = rendered(robot, ImageQuality())
+    with BodyImage(nico.arm, robot.model) as image, NicoStation(
+        robot.world, robot.seed, _DAY, arm=nico.arm, quality=nico.quality,
+        mirror=known.before.plate,
+    ) as station:  # fmt: skip
+        toucher = _Toucher(known, image, station, planner.posed.finger)
+        for k, trial in enumerate(trials):
+            mark, normal = trial.painted.mark, trial.painted.normal
+            found = [one for one in trial.found if one.kind == ON_ME]
+            if mark is None or normal is None or not found or found[0].p_FM is None:
+                continue
+            assert found[0].link is not None, "what is on me is on a link"
+            place = found[0].link, found[0].p_FM
+            rng = np.random.default_rng((robot.seed, 48, k))
+            done.append(_touched(toucher, place, (mark, normal), planner, judge, rng))
     return done
 
 
@@ -249,7 +331,7 @@ def places_near(
 
 
 def _touched(
-    seed: int,
+    toucher: _Toucher,
     place: tuple[str, NDArray],
     true: tuple[Mark, NDArray],
     planner: TouchPlanner,
@@ -261,6 +343,7 @@ def _touched(
     n_F = planner.posed.surfaces[link].normals(p_FM[None])[0]
     plan = planner.at_place(link, p_FM, n_F, rng)
     mark, normal = true
-    exists = judge.way_exists(mark, normal, plan, rng)
-    done = judge.go(plan, mark, normal, rng) if isinstance(plan, Touch) else None
+    exists, done = judge.way_exists(mark, normal, plan, rng), None
+    if isinstance(plan, Touch):
+        done = judge.gone(toucher.go(plan, (link, p_FM, n_F)), mark, normal)
     return TouchTrial(0.5 * mark.diameter, exists, plan, done)

@@ -75,6 +75,7 @@ def _row(trials: Sequence[TouchTrial]) -> dict[str, Any]:
         "places": len(trials),
         "in_reach": sum(one.in_reach for one in trials),
         "gone_to": len(done),
+        "gone_again": sum(one.tries > 1 for one in done),
         "touched": sum(one.touched for one in trials),
         "collided": sum(one.collided for one in trials),
         "off_median_mm": float(np.median(off)) if done else None,
@@ -88,13 +89,14 @@ def _row(trials: Sequence[TouchTrial]) -> dict[str, Any]:
 def touches_table(stage: TouchStage) -> Table:
     """Return a row for the marks, and one for places drawn anywhere."""
     headings = (
-        "of", "places", "in reach", "gone to", "touched", "collided", "off: median, p95, max mm",
-        "least distance of the rest mm",
+        "of", "places", "in reach", "gone to", "gone again", "touched", "collided",
+        "off: median, p95, max mm", "least distance of the rest mm",
     )  # fmt: skip
+    counted = "places", "in_reach", "gone_to", "gone_again", "touched", "collided"
     rows = []
     for name, trials in (("marks found", stage.marks), ("places drawn, with a way", stage.plans)):
         row = _row(trials)
-        counts = (row[k] for k in ("places", "in_reach", "gone_to", "touched", "collided"))
+        counts = (row[k] for k in counted)
         numbers = ["-", "-"]
         if row["gone_to"]:
             off = (row[f"off_{k}_mm"] for k in ("median", "p95", "max"))

@@ -33,7 +33,7 @@ _POINT_SIGMA = 1.5e-3
 """What places may be off by while they are aligned [m]."""
 _SMOOTH = 1.0
 """Of the pictures that are aligned [px]."""
-_AREA = 40.0
+AREA = 40.0
 """Pixels that err alike, as smoothing and what is not known of colours make them."""
 _STEPS, _UNLIT, _UNPAINTED = 7, 2, 1
 """Of the search, and those before it is asked how the light stands and what colours there are."""
@@ -167,17 +167,21 @@ def know_body(
             by_light = _by_light(known, image, shots)
         known.pose(image)
         looks = [(shot, side) for shot in shots for side in range(len(SIDES))]
-        views = [_view(known, image, *one, lit) for one, lit in zip(looks, by_light, strict=True)]
+        ways = known.motions(image)
+        views = [
+            aligned_view(known, image, *look, ways, by_light=lit)
+            for look, lit in zip(looks, by_light, strict=True)
+        ]
         mirrors = [known.model.mirrors[name] for name in known.mirrors]
-        motions = [motion for motion, _ in known.motions(image)]
+        motions = [motion for motion, _ in ways]
         before = known.values - start.values, start.covariance
         if step >= _UNLIT:
             before = np.append(before[0], known.light), _with_light(before[1])
         if step == _STEPS - 1:
             placed = _with_cameras(known, views, mirrors, motions, before)
-        known = known.changed(alignment_step(views, model.rig, mirrors, motions, before, _AREA))
+        known = known.changed(alignment_step(views, model.rig, mirrors, motions, before, AREA))
         if step >= _UNPAINTED:
-            known = replace(known, paints=known.paints.seen_in(views, _AREA))
+            known = replace(known, paints=known.paints.seen_in(views, AREA))
         if progress:
             progress(step + 1, _STEPS)
     known.pose(image)
@@ -229,7 +233,7 @@ def _with_cameras(
     off, own = before
     cameras, prior = with_cameras(known.model, known.mirrors, own)
     loose = np.append(off, np.zeros(len(cameras))), prior
-    found = alignment_step(views, known.model.rig, mirrors, motions, loose, _AREA, cameras)
+    found = alignment_step(views, known.model.rig, mirrors, motions, loose, AREA, cameras)
     n = len(own)
     return known.changed(Alignment(found.change[:n], found.covariance[:n, :n]))
 
@@ -237,35 +241,51 @@ def _with_cameras(
 def _described(image: BodyImage, model: SelfModel, mirrors: tuple[str, ...]) -> KnownBody:
     """Return what is known before the body was seen in a mirror."""
     joints = image.standing(STANDING)
-    shoulder = image.standing((image.first_joint,))[0]
+    shoulder = image.standing(image.joints[:1])[0]
     covariance = before_pictures(model, mirrors, len(joints))
     angles = MappingProxyType({joint.name: joint.angle for joint in joints})
     paints = PaintColors.by_description(image.paints)
     return KnownBody(model, mirrors, angles, np.zeros(6), shoulder.p_WJ, covariance, paints)
 
 
-def _view(
-    known: KnownBody, image: BodyImage, shot: Shot, side: int, by_light: NDArray | None
+def aligned_view(
+    known: KnownBody,
+    image: BodyImage,
+    shot: Shot,
+    side: int,
+    motions: Sequence[tuple[BodyMotion, frozenset[str]]],
+    *,
+    arm: bool = False,
+    by_light: NDArray | None = None,
 ) -> AlignedView:
-    """Hold one picture beside what is expected now."""
+    """Hold one picture beside what is expected at a shot's readings.
+
+    Args:
+        known: How the body stands, and the mirrors.
+        image: What the robot expects; it stands as is known.
+        shot: What it saw.
+        side: The camera, 0 or 1.
+        motions: How a part may stand elsewhere, and the links that each of it moves.
+        arm: Whether the moving arm tells that, before the body, or the body where no arm may be.
+        by_light: What turned light changes, if that is asked for. Shape (h, w, 3, 3).
+    """
     mirror = known.model.mirrors[shot.mirror]
     seen = image.expect(shot.readings, mirror, side)
     sigma = reflection_sigma(known.model.rig, mirror, side, seen.depth, _POINT_SIGMA)
-    hidden = np.isin(seen.labels, [NOTHING, *image.moving])
-    sigma = away_from_the_unknown(np.where(hidden, np.nan, sigma))
+    hidden = [NOTHING] if arm else [NOTHING, *image.moving]
+    sigma = away_from_the_unknown(np.where(np.isin(seen.labels, hidden), np.nan, sigma))
     numbers = {name: number for number, name in image.links.items()}
     owner = whose_edge(seen.depth)
     labels = seen.labels.ravel()[owner]
-    moved = [
-        np.isin(labels, [numbers[link] for link in links]) for _, links in known.motions(image)
-    ]
+    moved = [np.isin(labels, [numbers[link] for link in links]) for _, links in motions]
+    used = np.isfinite(sigma)
     return AlignedView(
         side,
         known.mirrors.index(shot.mirror),
         smoothed(shot.pictures[side], _SMOOTH),
         smoothed(bgr_of_rgba(seen.color), _SMOOTH),
         seen.depth.ravel()[owner],
-        np.isfinite(sigma),
+        used & np.isin(labels, [*image.moving]) if arm else used,
         np.array(moved),
         by_light,
         seen.paints,

@@ -131,8 +131,8 @@ class BodyImage(Closable, LeafSystem):
         """Number in the pictures of links -> name of the link."""
         self.moving = frozenset(_beyond(self._built, arm.joints[0]))
         """Numbers of the links that the arm moves."""
-        self.first_joint = arm.joints[0]
-        """Name of the joint that carries the whole arm."""
+        self.joints = arm.joints
+        """Names of the arm's joints; the first carries the whole arm."""
         self.surfaces = {
             name: surface
             for name, surface in link_surfaces(scene, self._built).items()

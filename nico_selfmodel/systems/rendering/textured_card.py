@@ -1,10 +1,12 @@
 """Flat cards with a picture on them, for scene graphs."""
 
+from hashlib import sha256
+
 from pydrake.common import MemoryFile
 from pydrake.geometry import GeometryInstance, InMemoryMesh, Mesh, PerceptionProperties, RenderLabel
 from pydrake.math import RigidTransform
 
-_MATERIAL = "newmtl card\nKa 0 0 0\nKd 1 1 1\nKs 0 0 0\nmap_Kd card.png\n"
+_MATERIAL = "newmtl card\nKa 0 0 0\nKd 1 1 1\nKs 0 0 0\nmap_Kd {picture}\n"
 
 
 def textured_card(
@@ -25,7 +27,10 @@ def textured_card(
         What `SceneGraph.RegisterGeometry` takes.
     """
     x, y = 0.5 * size[0], 0.5 * size[1]
-    lines = ["mtllib card.mtl", "usemtl card"]
+    # Renderers keep pictures by the names of their files, as if they were on a disk.
+    known = sha256(png).hexdigest()
+    material, picture = f"{known}.mtl", f"{known}.png"
+    lines = [f"mtllib {material}", "usemtl card"]
     for px, py, u, v in ((-x, -y, 0, 1), (x, -y, 1, 1), (x, y, 1, 0), (-x, y, 0, 0)):
         lines += [f"v {px!r} {py!r} 0", f"vt {u} {v}"]
     # Seen from -z, so that the normal points there.
@@ -33,8 +38,8 @@ def textured_card(
     mesh = InMemoryMesh(
         mesh_file=MemoryFile("\n".join(lines) + "\n", ".obj", f"{name}.obj"),
         supporting_files={
-            "card.mtl": MemoryFile(_MATERIAL, ".mtl", "card.mtl"),
-            "card.png": MemoryFile(png, ".png", "card.png"),
+            material: MemoryFile(_MATERIAL.format(picture=picture), ".mtl", material),
+            picture: MemoryFile(png, ".png", picture),
         },
     )
     instance = GeometryInstance(X_FC, Mesh(mesh), name)

@@ -1,0 +1,113 @@
+"""A robot sees in a mirror where its loose joints have left its arm, and its finger."""
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.experiments.mirror_test import touches
+from nico_selfmodel.experiments.mirror_test.touches import SEEN_ON, TRIES, TouchJudge
+from nico_selfmodel.geometry.transform import apply, inverse
+from nico_selfmodel.plant.touching.touch_planner import Touch
+from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
+from nico_selfmodel.sessions.touching import seen_arm
+from nico_selfmodel.sessions.touching.seen_arm import SeenArm, see_arm
+from nico_selfmodel.systems.looking import FINGER
+from nico_selfmodel.systems.rendering.body_image import BodyImage
+from nico_selfmodel.systems.rendering.mark_on_body import Mark
+
+from ..knowing_nico import knowing
+
+POSTURES = np.array([
+    [-0.9, 0.25, 0.4, -1.9, 0.2, 0.1],
+    [-1.1, 0.35, 0.2, -1.7, -0.3, -0.1],
+    [-0.7, 0.2, 0.6, -1.8, 0.4, 0.2],
+    [-1.0, 0.5, 0.3, -1.6, 0.0, 0.0],
+])  # fmt: skip
+"""The hand before the chest [rad]."""
+
+
+@pytest.fixture(scope="module")
+def known():
+    return knowing(3)
+
+
+@pytest.fixture(scope="module")
+def toucher(known):
+    nico = known.before.nico
+    judge = TouchJudge(nico)
+    with BodyImage(nico.arm, known.robot.model) as image, known.before.station(11) as station:
+        yield touches._Toucher(known, image, station, judge._planner.posed.finger)
+
+
+@pytest.mark.slow
+def test_the_finger_is_seen_nearer_to_where_it_is_than_encoders_have_it(known, toucher):
+    image, looks, station = toucher._image, toucher._looks, toucher._station
+    p_FE, servos = toucher._finger.p_FE, known.robot.model.servos
+    off = []
+    for q in POSTURES:
+        shot = looks.shot(MIRROR, servos.to_encoder(q[None])[0])
+        true = apply(station.surfaces_true(looks.body.context)[FINGER][1], p_FE[None])[0]
+        read = apply(image.poses(shot.readings)[FINGER], p_FE[None])[0]
+        seen = see_arm(image, known.body, shot)
+        assert (np.linalg.eigvalsh(seen.covariance) > 0.0).all()
+        now = apply(image.poses(servos.to_encoder(seen.q[None])[0])[FINGER], p_FE[None])[0]
+        off.append([np.linalg.norm(read - true), np.linalg.norm(now - true)])
+    read, seen = np.sqrt(np.mean(np.square(off), axis=0))
+    assert read > 1e-3
+    assert seen < 0.6 * read
+    assert seen < 1.5e-3
+
+
+@pytest.mark.slow
+def test_pictures_that_hardly_show_the_arm_tell_nothing_of_it(known, toucher, monkeypatch):
+    shot = toucher._looks.shot(MIRROR, known.robot.model.servos.to_encoder(POSTURES[:1])[0])
+
+    def hardly(*_):
+        raise EstimationError("only 3 grey levels")
+
+    monkeypatch.setattr(seen_arm, "alignment_step", hardly)
+    assert see_arm(toucher._image, known.body, shot) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("off", "tries"), [((0.9,), 1), ((1.1, 0.9), 2), ((1.1,) * TRIES, TRIES)])
+def test_the_finger_goes_again_until_it_is_seen_on_the_mark(
+    known, toucher, monkeypatch, off, tries
+):
+    left = [SEEN_ON * one for one in off]
+    monkeypatch.setattr(toucher, "_seen_off", lambda *_: left.pop(0))
+    way = known.robot.model.servos.to_encoder(POSTURES)
+    plan = Touch(POSTURES, way, np.zeros((4, 3)), 0.006, 0.2)
+    ways = toucher.go(plan, ("chest", np.zeros(3), np.ones(3)))
+    assert len(ways) == tries
+    assert not left
+    # Joints are loose by half a degree, and slip by one now and then.
+    assert 0.0 < np.abs(np.array(ways) - POSTURES).max() < np.radians(6.0)
+
+
+@pytest.mark.slow
+def test_the_finger_is_off_by_what_it_is_seen_beside_the_place_along_the_surface(
+    known, toucher, monkeypatch
+):
+    q, image = POSTURES[0], toucher._image
+    poses = image.poses(known.robot.model.servos.to_encoder(q[None])[0])
+    end = apply(inverse(poses["chest"]) @ poses[FINGER], toucher._finger.p_FE[None])[0]
+    place = "chest", end + np.array([0.004, 0.0, 0.02]), np.array([0.0, 0.0, 2.0])
+    monkeypatch.setattr(touches, "see_arm", lambda *_: SeenArm(q, np.eye(6)))
+    assert toucher._seen_off(None, place) == pytest.approx(0.004)
+    monkeypatch.setattr(touches, "see_arm", lambda *_: None)
+    assert toucher._seen_off(None, place) == 0.0
+
+
+@pytest.mark.slow
+def test_the_last_time_counts_for_the_place_and_every_time_for_what_else_is_touched(known):
+    judge = TouchJudge(known.before.nico)
+    mark = Mark("chest", np.array([0.06, 0.0, 0.1]), 0.01, np.ones(3))
+    normal = np.array([1.0, 0.0, 0.0])
+    near, far = np.tile(POSTURES[0], (4, 1)), np.tile(POSTURES[3], (4, 1))
+    alone = [judge.gone([way], mark, normal) for way in (near, far)]
+    both = judge.gone([near, far], mark, normal)
+    assert both.off == pytest.approx(alone[1].off)
+    assert both.off != pytest.approx(alone[0].off, abs=1e-3)
+    assert both.clearance == pytest.approx(min(one.clearance for one in alone))
+    assert (both.tries, alone[0].tries) == (2, 1)
