@@ -145,8 +145,8 @@ SET_COLOR = f"{100 * COLOR_SIGMA:g} %: set on robots 0 and 1; more where its loo
 SET_MIDDLE = f"{PIXEL_SIGMA:g} and {LENS_SIGMA:g} px: set on robots 900 and 950"
 SET_UNLIKE = f"{100 * MOST_UNLIKE:g} %: set on robot 900"
 NEAR_AND_LEAN = (
-    f"{1e3 * CLEAR:.0f} mm, {np.degrees(LEAN):.0f} deg: chosen; {1e3 * NARROW:g} mm where no other way "
-    "is: set on robots 1853, 1893 and 1894"
+    f"{1e3 * CLEAR:.0f} mm, {np.degrees(LEAN):.0f} deg: chosen; {1e3 * NARROW:g} mm where there "
+    "is no other way: set on robots 1853, 1893 and 1894"
 )
 SEEN_BESIDE = f"{1e3 * SEEN_ON:g} mm: set on robot 1893"
 
