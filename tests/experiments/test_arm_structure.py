@@ -194,11 +194,10 @@ def described(world):
 
 
 @pytest.mark.slow
-def test_a_robot_looks_at_its_arm_twice_alike_and_is_the_one_it_was(monkeypatch, tmp_path):
-    monkeypatch.setattr(own_arm, "_POSES", 8)
+def test_a_robot_looks_at_its_arm_twice_alike_and_is_the_one_it_was(tmp_path):
     own, seen = described(imperfections_named("thesis")), []
     for name in ("first", "second"):
-        data, surfaces = look_at_arm(own, tmp_path / name, lambda *_: None)
+        data, surfaces = look_at_arm(own, tmp_path / name, 8, lambda *_: None)
         pictures = sorted((tmp_path / name / "images").iterdir())
         seen.append([data.pixels.tobytes(), *(one.read_bytes() for one in pictures)])
         assert len(pictures) == 2 * len(surfaces) > 2
@@ -209,6 +208,31 @@ def test_a_robot_looks_at_its_arm_twice_alike_and_is_the_one_it_was(monkeypatch,
             expected = image.poses(data.encoders[data.sample == sample][0])
             off = expected["right_hand"][:3, 3] - true["right_hand"][1][:3, 3]
             assert np.linalg.norm(off) < 0.01  # by play; another robot's hand is centimetres off
+
+
+@pytest.mark.parametrize("enough", [40, 80, 81])
+def test_a_robot_looks_at_its_arm_in_more_poses_where_some_show_too_little(monkeypatch, enough):
+    asked = []
+
+    def looked(own, folder, poses, stage):
+        asked.append(poses)
+        return None, {3: "as it stood"}
+
+    def learned(*_):
+        if asked[-1] < enough:
+            raise EstimationError("13 poses show the forearm")
+        errors = SimpleNamespace(sample=np.array([3, 4]), expected=np.array([True, False]))
+        return SimpleNamespace(errors=errors)
+
+    monkeypatch.setattr(own_arm, "look_at_arm", looked)
+    monkeypatch.setattr(own_arm, "shape_of_arm", learned)
+    robot = SimpleNamespace(seed=1, model=None)
+    if enough > 80:
+        with pytest.raises(EstimationError, match="13 poses"):
+            learn_arm_structure(robot, lambda *_: None)
+    else:
+        assert learn_arm_structure(robot, lambda *_: None).surfaces == ("as it stood",)
+    assert asked == ([40] if enough == 40 else [40, 80])
 
 
 @pytest.mark.slow

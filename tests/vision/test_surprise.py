@@ -64,8 +64,13 @@ def test_what_is_no_noise_of_a_place_is_wrong_in_all_pictures_alike(share, alike
     found = surprise(seen(flat, np.random.default_rng(2)), known)
     assert found.share_alike(80.3, 60.8) == pytest.approx(alike, abs=0.01)
     assert found.share_alike(0.0, 60.0) == 0.0  # the outermost pixels are not judged
-    assert found.of_its_own().share_alike(80.3, 60.8) == 0.0
-    assert (np.linalg.eigvalsh(found.alike) > -1e-9).all()
+    parts = found.alike(np.arange(len(found.covariance)))
+    assert (np.linalg.eigvalsh(parts) > -1e-9).all()
+    assert found.covariance[7] - parts[7] == pytest.approx(
+        (NOISE**2 + 1.0 / 12.0) / 9.0 * np.eye(3), abs=1e-9
+    )
+    with pytest.raises(ValueError, match="no covariances"):
+        replace(found, covariance=None).alike(np.arange(3))
 
 
 def test_each_place_has_a_share_of_its_own():

@@ -165,11 +165,13 @@ class MarkFinder:
                 own = look.surprise if change is None else look.surprise.beside(change)
                 assert own.off is not None
                 assert own.covariance is not None
-                assert own.alike is not None
                 judged = np.isfinite(own.chi_square)
                 body = np.isin(look.labels[judged], [*poses])
                 places = np.where(np.isin(look.labels, [*poses]), own.chi_square, np.nan)
-                rows = own.off[body], own.covariance[body], own.alike[body]
+                # What is compared with an earlier picture is expected wrongly in no other.
+                expected = np.isfinite(look.surprise.chi_square[judged][body])
+                alike = np.where(expected[:, None, None], own.alike(body), 0.0)
+                rows = own.off[body], own.covariance[body], alike
                 views.append(SurfaceView(side, rig, places, *rows, look.depth, look.labels, poses))
         return views
 

@@ -254,7 +254,7 @@ class MirrorLooks:
                     COLOR_SIGMA,
                     camera.fx * PAINT / float(np.median(look.depth[np.isfinite(look.depth)])),
                 ),
-            ).of_its_own()
+            )
             for picture, look, camera in zip(shot.pictures, pair, self._rig.cameras, strict=True)
         )
         return left, right

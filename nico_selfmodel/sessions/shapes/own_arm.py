@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.recording.recorded_samples import RecordedSamples
 from nico_selfmodel.recording.session import sample_pose
 from nico_selfmodel.sessions.mirrors.acquaintance import Acquainted
@@ -22,8 +23,8 @@ from nico_selfmodel.systems.stations.station_body import StationBody
 
 ARM_LINKS = ("right_forearm", "right_hand")
 """Links of the arm whose shape is learned."""
-_POSES = 40
-"""In which the robot looks at its arm."""
+_POSES = (40, 80)
+"""In which the robot looks at its arm: in more where these show too little of it."""
 _TRIES = 2
 _DAY = 10
 
@@ -69,27 +70,39 @@ def learn_arm_structure(robot: Acquainted, stage: Stage) -> ArmStructure:
     Raises:
         EstimationError: If too few poses show a link, or no surface is found.
     """
-    with TemporaryDirectory() as folder:
-        looks = Path(folder) / "arm"
-        data, surfaces = look_at_arm(robot, looks, stage)
-        free_memory()
-        rng = np.random.default_rng((robot.seed, 54))
-        shape = shape_of_arm(robot.model, data, looks, ARM_LINKS, rng, stage)
-    counted = shape.errors.sample[shape.errors.expected]
-    return ArmStructure(shape, tuple(surfaces[int(sample)] for sample in counted))
+    for poses in _POSES:
+        with TemporaryDirectory() as folder:
+            looks = Path(folder) / "arm"
+            data, surfaces = look_at_arm(robot, looks, poses, stage)
+            free_memory()
+            rng = np.random.default_rng((robot.seed, 54))
+            try:
+                shape = shape_of_arm(robot.model, data, looks, ARM_LINKS, rng, stage)
+            except EstimationError:
+                if poses == _POSES[-1]:
+                    raise
+                continue
+        counted = shape.errors.sample[shape.errors.expected]
+        return ArmStructure(shape, tuple(surfaces[int(sample)] for sample in counted))
+    raise AssertionError("the last look returns or raises")
 
 
 def look_at_arm(
-    robot: Acquainted, folder: Path, stage: Stage
+    robot: Acquainted, folder: Path, poses: int, stage: Stage
 ) -> tuple[Dataset, dict[int, Surfaces]]:
     """Let a robot look at its arm in poses that are far from each other.
+
+    Args:
+        robot: Who has learned arm and cameras.
+        folder: Where its pictures are kept.
+        poses: How many; the same come first whatever their number.
 
     Returns:
         What it saw, whose pictures lie in the folder, and all true surfaces in each sample.
     """
     arm = touching_arm(FIDUCIAL)
     nico = RenderedNico(robot.world, robot.seed, (FIDUCIAL,), ImageQuality(), arm, corners=True)
-    plan = spread(robot.readings, _POSES)
+    plan = spread(robot.readings, poses)
     tell, true = telling(stage, "looking at its arm"), {}
     with nico.station(_DAY, robot.model.rig) as station:
         body = StationBody(station, station.joints, nico.tracked, keep_images=True)

@@ -1,7 +1,7 @@
 """How surprising each pixel of a picture is, after what was expected to be seen there."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -74,12 +74,31 @@ class Surprise:
     """ē of the judged places, row by row. Shape (n, 3)."""
     covariance: NDArray | None = None
     """Its covariance. Shape (n, 3, 3)."""
-    alike: NDArray | None = None
-    """What of that is no noise of the camera, but wrong in all pictures alike. Shape (n, 3, 3)."""
+    noise: float = 0.0
+    """Variance of each colour of a place that is the camera's noise: the rest of the covariance is
+    wrong in all pictures alike."""
 
     def __post_init__(self) -> None:
         """Make the array read-only."""
         object.__setattr__(self, "chi_square", read_only(self.chi_square))
+
+    def alike(self, which: NDArray) -> NDArray:
+        """Return what of the covariance of judged places is wrong in all pictures alike.
+
+        Args:
+            which: Numbers of the places, or truth values of all. Shape (k,) or (n,).
+
+        Returns:
+            Shape (k, 3, 3).
+
+        Raises:
+            ValueError: If nothing is known of covariances.
+        """
+        if self.covariance is None:
+            raise ValueError("this surprise has no covariances: take one that `surprise` returned")
+        found = self.covariance[which]
+        found[:, range(3), range(3)] -= self.noise
+        return found
 
     def share_alike(self, u: float, v: float) -> float:
         """Return which share of a place's covariance is alike in all pictures; 0 if not judged.
@@ -90,14 +109,10 @@ class Surprise:
         """
         judged = np.isfinite(self.chi_square)
         row, column = round(v), round(u)
-        if self.covariance is None or self.alike is None or not judged[row, column]:
+        if self.covariance is None or not judged[row, column]:
             return 0.0
-        k = int(judged[:row].sum() + judged[row, :column].sum())
-        return float(np.trace(self.alike[k]) / np.trace(self.covariance[k]))
-
-    def of_its_own(self) -> "Surprise":
-        """Return the same of a picture whose expectation is wrong in no other alike."""
-        return replace(self, alike=None if self.alike is None else np.zeros_like(self.alike))
+        k = np.array([judged[:row].sum() + judged[row, :column].sum()])
+        return float(np.trace(self.alike(k)[0]) / np.trace(self.covariance[k[0]]))
 
     def places_beside(self, other: "Surprise") -> NDArray:
         """Return z^2 of this where it judges, and of another of the same picture elsewhere.
@@ -115,13 +130,11 @@ class Surprise:
     def beside(self, other: "Surprise") -> "Surprise":
         """Return this where it judges, and another elsewhere; raises as `places_beside`."""
         each, own = self.places_beside(other), np.isfinite(self.chi_square)
-        both = (
-            (self.off, other.off),
-            (self.covariance, other.covariance),
-            (self.alike, other.alike),
+        off, covariance = (
+            _rows_beside(own, other.chi_square, *rows)
+            for rows in ((self.off, other.off), (self.covariance, other.covariance))
         )
-        rows = [_rows_beside(own, other.chi_square, *one) for one in both]
-        return Surprise(each, self.gain, self.expected, *rows)
+        return Surprise(each, self.gain, self.expected, off, covariance, self.noise)
 
 
 def _rows_beside(
@@ -205,14 +218,7 @@ def surprise(picture: NDArray, expected: Expectation) -> Surprise:
     mean = np.einsum("nij,nj->ni", covariance, sums)
     chi_square = np.full(judged.shape, np.nan)
     chi_square[whole] = np.sum(mean * sums, axis=1)
-    return Surprise(chi_square, gain, expected, mean, covariance, _without(covariance, noise))
-
-
-def _without(covariance: NDArray, noise: float) -> NDArray:
-    """Return covariances of places without what noise makes of them. Shape (n, 3, 3)."""
-    found = covariance.copy()
-    found[:, range(3), range(3)] -= noise / _PLACE.size
-    return found
+    return Surprise(chi_square, gain, expected, mean, covariance, noise / _PLACE.size)
 
 
 def _sum_at(judged: NDArray, whole: NDArray, each: NDArray) -> NDArray:
