@@ -339,7 +339,8 @@ def test_an_error_in_a_later_stage_fails_it_and_keeps_what_went_before():
         ("1", "PASS"), ("1b", "PASS"), ("2", "PASS"), ("3", "FAIL"),
     ]  # fmt: skip
     assert report.document["status"] == "FAIL"
-    assert report.document["reasons"][-1] == "stage 3: no such place"
+    # What fails it comes first.
+    assert report.document["reasons"][0] == "stage 3: no such place"
 
 
 def test_a_robot_that_finds_no_shape_fails_the_third_stage_alone():
@@ -359,7 +360,7 @@ def test_a_robot_that_does_not_trust_its_mirror_ends_the_test_with_what_it_says(
     refused = MirrorsStage(places, (Refusal(7, "mirror 'turned' shows 40 % otherwise"),))
     report = report_of(MirrorTest(stage(15), mirrors=refused))
     assert report.document["status"] == "FAIL"
-    assert report.document["reasons"][-1].startswith(
+    assert report.document["reasons"][0].startswith(
         "stage 2: robot 7 does not trust a mirror: mirror 'turned' shows 40 %"
     )
 

@@ -91,11 +91,12 @@ def report_of(test: MirrorTest) -> ExperimentReport:
         begun = next(k for k in _BEGUN if getattr(test, k) is None)
         stages.append(stage_document(_BEGUN[begun], "ended in an error", [test.error], None, ""))
     found = {one["status"] for one in stages}
+    status = next(s for s in ("FAIL", "NOT_EVALUATED", "PASS") if s in found)
+    # What the verdict rests on comes first.
+    told = sorted(stages, key=lambda one: one["status"] != status)
     document = {
-        "status": next(s for s in ("FAIL", "NOT_EVALUATED", "PASS") if s in found),
-        "reasons": [
-            f"stage {one['stage']}: {reason}" for one in stages for reason in one["reasons"]
-        ],
+        "status": status,
+        "reasons": [f"stage {one['stage']}: {reason}" for one in told for reason in one["reasons"]],
         "stages": as_json(stages),
     }
     met = test.encounters
