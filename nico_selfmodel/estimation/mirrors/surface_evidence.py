@@ -97,7 +97,7 @@ def _together(
     shown = [_shown(other, labels, p_FQ) for other in views]
     each = np.array([chi_square for chi_square, _, _ in shown])
     filled = np.nan_to_num(each)
-    may = np.flatnonzero(filled.sum(axis=0) > least)  # z^2 is at most this
+    may = np.flatnonzero(filled.sum(axis=0) > least)  # z^2 of independent ones is at most this
     shown, judged = [(v[may], u[may]) for _, v, u in shown], np.isfinite(each[:, may])
     told = _told(views, shown, judged)
     numbers = range(len(views))
