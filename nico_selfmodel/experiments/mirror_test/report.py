@@ -92,11 +92,15 @@ def report_of(test: MirrorTest) -> ExperimentReport:
         stages.append(stage_document(_BEGUN[begun], "ended in an error", [test.error], None, ""))
     found = {one["status"] for one in stages}
     status = next(s for s in ("FAIL", "NOT_EVALUATED", "PASS") if s in found)
+    missing = [stage for part, stage in _BEGUN.items() if getattr(test, part) is None]
     # What the verdict rests on comes first.
     told = sorted(stages, key=lambda one: one["status"] != status)
+    reasons = [f"stage {one['stage']}: {reason}" for one in told for reason in one["reasons"]]
+    if status == "PASS" and missing:  # a test that passes has all of its stages
+        status, reasons = "NOT_EVALUATED", [f"stage {missing[0]}: it was not begun", *reasons]
     document = {
         "status": status,
-        "reasons": [f"stage {one['stage']}: {reason}" for one in told for reason in one["reasons"]],
+        "reasons": reasons,
         "stages": as_json(stages),
     }
     met = test.encounters

@@ -61,6 +61,8 @@ def run_stages(
     marks: int,
     plate: MirrorPlate = PLATE,
     progress: Stage | None = None,
+    *,
+    share: bool = False,
 ) -> MirrorTest:
     """Let robots learn themselves and go through the test; who fails one but the third ends there.
 
@@ -70,6 +72,8 @@ def run_stages(
         looks: Of each robot at its unmarked body.
         marks: Trials with marks in all, controls among them.
         plate: The glass that somebody puts before them from stage 2 on.
+        share: Whether these are some of the robots of a test: how many marks must be found all of
+            them tell together, so that they touch theirs anyway.
 
     Raises:
         ValueError: If there are too few trials.
@@ -80,7 +84,7 @@ def run_stages(
     robots = acquainted(world, seeds, progress)
     done: dict[str, Any] = {"encounters": _alone(run_encounters(robots, trials, progress))}
     try:
-        _go_on(done, robots, looks, marks, plate, progress)
+        _go_on(done, robots, looks, marks, plate, progress, share)
     except SelfModelError as error:
         # An hour of what went before is worth a report.
         done["error"] = str(error)
@@ -94,6 +98,7 @@ def _go_on(
     marks: int,
     plate: MirrorPlate,
     progress: Stage | None,
+    share: bool,
 ) -> None:
     """Add the later stages to those that are done, until one fails."""
     if encounters_document(done["encounters"])["status"] == "FAIL":
@@ -110,9 +115,14 @@ def _go_on(
     if unmarked_document(done["unmarked"])["status"] == "FAIL":
         return
     done["marks"] = run_marks(known, marks, progress)
-    if any(one["status"] == "FAIL" for one in marks_documents(done["marks"])):
+    if not share and marks_fail(done["marks"]):
         return
     done["touches"] = run_touches(known, done["structure"].shapes, done["marks"], progress)
+
+
+def marks_fail(marks: MarkStage) -> bool:
+    """Return whether one of the stages that are about marks fails."""
+    return any(one["status"] == "FAIL" for one in marks_documents(marks))
 
 
 def _alone(found: _T) -> _T:
