@@ -243,15 +243,19 @@ def run_touches(
         seed = known.robot.seed
         nico = rendered(known.robot)
         judge = TouchJudge(nico)
-        planner = TouchPlanner(
-            nico.arm, known.robot.model, FINGER,
-            held=known.body.angles, X_WB=known.body.X_WB, limits=judge.stops,
-            shape=shapes.get(seed), clear=(CLEAR, NARROW),
+        # Only for a mark it is worth to go nearer to the body than usual.
+        planner, usual = (
+            TouchPlanner(
+                nico.arm, known.robot.model, FINGER,
+                held=known.body.angles, X_WB=known.body.X_WB, limits=judge.stops,
+                shape=shapes.get(seed), clear=clear,
+            )
+            for clear in ((CLEAR, NARROW), (CLEAR,))
         )  # fmt: skip
         own = [t for t in marks.trials if t.robot == seed and t.painted.kind == MARK]
         touched += _marks(known, own, planner, judge)
         free_memory()
-        some = _plans(seed, len(range(i, PLANS, len(robots))), planner, judge)
+        some = _plans(seed, len(range(i, PLANS, len(robots))), usual, judge)
         plans += some[0]
         drawn += some[1]
         of_robot(progress, i, len(robots))("touching marks", 1, 1)
