@@ -144,25 +144,40 @@ def test_robots_of_several_processes_are_judged_as_one_test():
 
 
 @pytest.mark.parametrize(("missed", "touched"), [(2, True), (3, False)])
-def test_marks_that_are_missed_end_a_test_by_all_of_its_robots_together(
-    monkeypatch, missed, touched
-):
-    """Of 26 marks of one process two may be missed if of the other 26 none is."""
-    monkeypatch.setattr(robots_apart, "marks_fail", lambda found: missed > 2)
-    ended = [
-        MirrorTest(stage(8), marks=MarkStage((), None), touches=TouchStage((), (), 0))
-        for _ in range(2)
+def test_marks_that_are_missed_end_a_test_by_all_of_its_robots_together(missed, touched):
+    """Two of the 26 marks of one process are too many for it, and not for 52 of both."""
+    trials = marked(26).trials
+    marks = [one for one in trials if one.painted.kind == MARK][:26]
+    rest = [one for one in trials if one.painted.kind != MARK]
+    sound = MarkStage((*marks, *rest), None)
+    lost = [replace(one, found=()) for one in marks[:missed]]
+    poor = MarkStage((*lost, *marks[missed:], *rest), None)
+    ending = TouchStage((), (), 0)
+    parts = [MirrorTest(stage(8), marks=own, touches=ending) for own in (poor, sound)]
+    assert the_stages.marks_fail(poor)
+    assert (together(parts).touches is not None) is touched
+
+
+@pytest.mark.parametrize(("count", "goes_on"), [(150, True), (20, False)])
+def test_looks_that_surprise_end_a_test_by_all_of_its_robots_together(count, goes_on):
+    """One look of 60 is too many for one process, and not if the other has enough without any."""
+    parts = [
+        MirrorTest(stage(8), unmarked=one, marks=marked(26), touches=TouchStage((), (), 0))
+        for one in (looks(60, 1), looks(count, 0))
     ]
-    assert (together(ended).touches is not None) is touched
+    whole = together(parts)
+    assert (whole.marks is not None) is (whole.touches is not None) is goes_on
 
 
 @pytest.mark.parametrize("share", [True, False])
 def test_a_share_of_the_robots_touches_its_marks_however_many_it_missed(monkeypatch, share):
     passed, asked = {"status": "PASS"}, []
-    for name in ("images_document", "mirrors_document", "unmarked_document"):
+    for name in ("images_document", "mirrors_document"):
         monkeypatch.setattr(the_stages, name, lambda _: passed)
     monkeypatch.setattr(the_stages, "encounters_document", lambda _: passed)
-    monkeypatch.setattr(the_stages, "marks_documents", lambda _: [passed, {"status": "FAIL"}])
+    failed = {"status": "FAIL"}
+    monkeypatch.setattr(the_stages, "unmarked_document", lambda _: failed if share else passed)
+    monkeypatch.setattr(the_stages, "marks_documents", lambda _: [passed, failed])
     for name in ("run_images", "run_unmarked", "run_marks"):
         monkeypatch.setattr(the_stages, name, lambda *_: None)
     monkeypatch.setattr(the_stages, "run_structure", lambda *_: StructureStage((), 0))

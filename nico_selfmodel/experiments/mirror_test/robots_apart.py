@@ -8,7 +8,7 @@ from typing import Any
 from nico_selfmodel.experiments.mirror_test.encounters import EncounterStage, check_trials
 from nico_selfmodel.experiments.mirror_test.images import ImageStage
 from nico_selfmodel.experiments.mirror_test.marks import MarkStage, check_marks
-from nico_selfmodel.experiments.mirror_test.stages import MirrorTest, marks_fail, run_stages
+from nico_selfmodel.experiments.mirror_test.stages import MirrorTest, ended, run_stages
 from nico_selfmodel.experiments.mirror_test.structure import StructureStage
 from nico_selfmodel.experiments.mirror_test.touches import TouchStage
 from nico_selfmodel.experiments.mirror_test.unknown_mirror import MirrorsStage
@@ -44,8 +44,8 @@ def run_apart(
 ) -> MirrorTest:
     """Let robots go through the test in several processes, and put what happened together.
 
-    A process ends where one of its own robots fails, but for marks that are missed, of which all
-    tell together; a stage that one did not begin counts as not begun.
+    A process ends where one of its own robots fails, but for looks that surprise and marks that are
+    missed, of which all tell together; a stage that one did not begin counts as not begun.
 
     Args:
         world: As of `run_stages`, and all up to `plate` likewise.
@@ -116,19 +116,17 @@ def together(parts: Sequence[MirrorTest]) -> MirrorTest:
         {seed: age for stage in encounters for seed, age in stage.latencies.items()},
     )
     errors = [part.error for part in parts if part.error is not None]
-    marks, touches = _joined(parts, "marks", _marks), _joined(parts, "touches", _touches)
-    if marks is not None and marks_fail(marks):
-        touches = None
-    return MirrorTest(
+    whole = MirrorTest(
         met,
         _joined(parts, "images", lambda found: ImageStage(_all(found, "trials"))),
         _joined(parts, "mirrors", _mirrors),
         _joined(parts, "structure", _structure),
         _joined(parts, "unmarked", _unmarked),
-        marks,
-        touches,
+        _joined(parts, "marks", _marks),
+        _joined(parts, "touches", _touches),
         errors[0] if errors else None,
     )
+    return ended(whole)
 
 
 def _joined(parts: Sequence[MirrorTest], name: str, join: Any) -> Any:

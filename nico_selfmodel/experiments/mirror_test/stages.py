@@ -1,7 +1,7 @@
 """The stages of the mirror test that exist, one after the other."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from nico_selfmodel.errors import SelfModelError
@@ -72,8 +72,8 @@ def run_stages(
         looks: Of each robot at its unmarked body.
         marks: Trials with marks in all, controls among them.
         plate: The glass that somebody puts before them from stage 2 on.
-        share: Whether these are some of the robots of a test: how many marks must be found all of
-            them tell together, so that they touch theirs anyway.
+        share: Whether these are some of the robots of a test: of how many looks may surprise, and
+            how many marks must be found, all of them tell together, so that they go on anyway.
 
     Raises:
         ValueError: If there are too few trials.
@@ -112,7 +112,7 @@ def _go_on(
         return
     done["structure"] = _alone(run_structure(known, progress))
     done["unmarked"] = _alone(run_unmarked(known, looks, progress))
-    if unmarked_document(done["unmarked"])["status"] == "FAIL":
+    if not share and unmarked_document(done["unmarked"])["status"] == "FAIL":
         return
     done["marks"] = run_marks(known, marks, progress)
     if not share and marks_fail(done["marks"]):
@@ -123,6 +123,15 @@ def _go_on(
 def marks_fail(marks: MarkStage) -> bool:
     """Return whether one of the stages that are about marks fails."""
     return any(one["status"] == "FAIL" for one in marks_documents(marks))
+
+
+def ended(test: MirrorTest) -> MirrorTest:
+    """Return a test of several shares without what comes after a stage that all together fail."""
+    if test.unmarked is not None and unmarked_document(test.unmarked)["status"] == "FAIL":
+        return replace(test, marks=None, touches=None)
+    if test.marks is not None and marks_fail(test.marks):
+        return replace(test, touches=None)
+    return test
 
 
 def _alone(found: _T) -> _T:
