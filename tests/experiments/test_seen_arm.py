@@ -36,7 +36,7 @@ def toucher(known):
     nico = known.before.nico
     judge = TouchJudge(nico)
     with BodyImage(nico.arm, known.robot.model) as image, known.before.station(11) as station:
-        yield touches._Toucher(known, image, station, judge._planner.posed.finger)
+        yield touches._Toucher(known, image, station, judge)
 
 
 @pytest.mark.slow

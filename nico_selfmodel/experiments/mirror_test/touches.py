@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,6 +125,17 @@ class TouchJudge:
         mechanics = self._truth.instance.arm
         return np.stack([mechanics.lower, mechanics.upper])
 
+    @property
+    def finger(self) -> Finger:
+        """Where the finger is on the hand, as the robot is described."""
+        return self._posed.finger
+
+    def stood(self, station: NicoStation, context: Any) -> NDArray:
+        """Return how the true joints stand in a station, which a robot is not told [rad]. (n,)."""
+        servos = station.GetSubsystemByName("servos")
+        own = servos.GetMyContextFromRoot(context)
+        return np.array(servos.GetOutputPort("q_true").Eval(own))
+
     def way_exists(
         self, mark: Mark, n_F: NDArray, plan: Touch | OutOfReach, rng: np.random.Generator
     ) -> bool:
@@ -174,8 +186,9 @@ class TouchJudge:
 class _Toucher:
     """One robot before its first mirror, which looks where its finger came to."""
 
-    def __init__(self, known: Knowing, image: BodyImage, station: NicoStation, finger: Finger):
-        self._known, self._image, self._station, self._finger = known, image, station, finger
+    def __init__(self, known: Knowing, image: BodyImage, station: NicoStation, judge: TouchJudge):
+        self._known, self._image, self._station, self._judge = known, image, station, judge
+        self._finger: Finger = judge.finger
         model, X_BM = known.robot.model, known.before.views[MIRROR].X_BM
         self._looks = MirrorLooks(station, image, model, model.mirrors[MIRROR], X_BM)
         self._looks.before(known.body.mirror(MIRROR), X_BM)
@@ -197,9 +210,9 @@ class _Toucher:
             way = []
             for readings in plan.readings[:-1]:
                 body.relive(readings)
-                way.append(self._true_angles())
+                way.append(self._stood())
             shot = self._looks.shot(MIRROR, plan.readings[-1])
-            ways.append(np.array([*way, self._true_angles()]))
+            ways.append(np.array([*way, self._stood()]))
             if self._seen_off(shot, place) <= SEEN_ON:
                 break
         return ways
@@ -217,10 +230,8 @@ class _Toucher:
         n = n_F / np.linalg.norm(n_F)
         return float(np.linalg.norm(off - (n @ off) * n))
 
-    def _true_angles(self) -> NDArray:
-        servos = self._station.GetSubsystemByName("servos")
-        own = servos.GetMyContextFromRoot(self._looks.body.context)
-        return np.array(servos.GetOutputPort("q_true").Eval(own))
+    def _stood(self) -> NDArray:
+        return self._judge.stood(self._station, self._looks.body.context)
 
 
 def run_touches(
@@ -243,7 +254,7 @@ def run_touches(
         seed = known.robot.seed
         nico = rendered(known.robot)
         judge = TouchJudge(nico)
-        # Only for a mark it is worth to go nearer to the body than usual.
+        # Only a mark is worth going nearer to the body than usual.
         planner, usual = (
             TouchPlanner(
                 nico.arm, known.robot.model, FINGER,
@@ -273,7 +284,7 @@ def _marks(
         robot.world, robot.seed, _DAY, arm=nico.arm, quality=nico.quality,
         mirror=known.before.plate,
     ) as station:  # fmt: skip
-        toucher = _Toucher(known, image, station, planner.posed.finger)
+        toucher = _Toucher(known, image, station, judge)
         for k, trial in enumerate(trials):
             mark, normal = trial.painted.mark, trial.painted.normal
             found = [one for one in trial.found if one.kind == ON_ME]
