@@ -39,9 +39,11 @@ from nico_selfmodel.experiments.mirror_test.unmarked_report import (
 )
 from nico_selfmodel.plant.touching.touch_planner import CLEAR, LEAN, NARROW
 from nico_selfmodel.sessions.mirrors.expecting import MOST_UNLIKE
+from nico_selfmodel.sessions.mirrors.learned_shape import APART
 from nico_selfmodel.sessions.mirrors.mark_finder import LENS_SIGMA, PIXEL_SIGMA
 from nico_selfmodel.sessions.mirrors.mirror_looks import COLOR_SIGMA
 from nico_selfmodel.sessions.motion_session import PERIOD
+from nico_selfmodel.sessions.touching.seen_arm import LOOSE
 from nico_selfmodel.viz.reports.experiment_page import ExperimentPage, text_table
 from nico_selfmodel.viz.reports.parts import Drawing, numbers, section
 
@@ -153,6 +155,8 @@ NEAR_AND_LEAN = (
     f"{1e3 * CLEAR:.0f} mm, {np.degrees(LEAN):.0f} deg: chosen; {1e3 * NARROW:g} mm where there "
     "is no other way: set on robots 1853, 1893 and 1894"
 )
+LINK_APART = f"{1e3 * APART:g} mm: derived from joints' 2 mm, looked at on 1853, 1893 and 1894"
+LOOSE_JOINTS = f"{np.degrees(LOOSE):.1f} deg: given"
 SEEN_BESIDE = f"{1e3 * SEEN_ON:g} mm: set on robot 1893"
 
 
@@ -186,6 +190,8 @@ def _given() -> Table:
         ["how thick paint may be", "0.2 mm: given"],
         ["threshold of a surprising place", "derived: one false place in 100 pictures"],
         ["how near the arm may come to the body, how far the finger may lean", NEAR_AND_LEAN],
+        ["how much nearer than another's its own link's lines must be for a shape", LINK_APART],
+        ["how loose its joints are in a look at its finger", LOOSE_JOINTS],
         ["where its finger came to", "seen in the mirror, by the edges of its arm"],
         ["how far beside a mark it is seen and goes again", SEEN_BESIDE],
         ["odds that stop the test", "derived: 100 to 1 that of 100 verdicts not one is wrong"],

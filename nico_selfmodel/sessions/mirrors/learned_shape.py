@@ -52,7 +52,7 @@ _BODY = -0.5
 """What is so far inside of the outline is not mixed with the room [px]."""
 _SHARE = 0.8
 """Of the way to a joint that a link's line goes."""
-_APART = 6e-3
+APART = 6e-3
 """How much nearer a place is to the lines of its own link than to another's: twice what the
 difference of two such distances is off by, as joints are described to 2 mm a coordinate [m]."""
 _VAGUE = 3e-3
@@ -293,7 +293,7 @@ def links_of(
             found.sigma[used],
             found.colors[used][:, ::-1] / 255.0,
             found.looks[used],
-            (seen & (nearer > _APART))[used],
+            (seen & (nearer > APART))[used],
         )
     return shapes
 
