@@ -284,7 +284,9 @@ def held_against(
     alike = gain**2 * covariance
     edge = _MIXED**2 / 3.0 * np.einsum("nii->n", alike)[:, None]
     alike[:, range(3), range(3)] += edge + np.square(share * gain * mean)
-    return judged, seen - gain * mean, alike, noise, gain
+    # Nothing is brighter than a pixel can be, or what a mirror throws back of that.
+    brightest = float(cv2.blur(picture, _PLACE.shape)[judged].max())
+    return judged, seen - np.minimum(gain * mean, brightest), alike, noise, gain
 
 
 def away_from_the_unknown(pixel_sigma: NDArray) -> NDArray:
