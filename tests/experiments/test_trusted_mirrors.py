@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.sessions.looks.expecting import MOST_UNLIKE, Unknown
 from nico_selfmodel.sessions.mirrors import knowing
-from nico_selfmodel.sessions.mirrors.expecting import MOST_UNLIKE, Unknown
 from nico_selfmodel.sessions.mirrors.knowing import know_itself, trusting
 
 LEARNED = Unknown(color=0.5)
@@ -24,6 +24,9 @@ class StainedLooks:
 
     def before(self, *_):
         pass
+
+    def before_known(self, name, known, unknown, X_BM):
+        self.unknown = unknown
 
     def shot(self, *_):
         return None
