@@ -9,6 +9,7 @@ from nico_selfmodel.estimation.mirrors.body_alignment import BodyMotion
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.sessions.looks.expecting import Expecting, Unknown
 from nico_selfmodel.sessions.looks.least_unknown import MOVING, POINTS, Told, least_unknown
+from nico_selfmodel.sessions.looks.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.looks.seen_arm import SeenArm
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.rendering.body_image import NOTHING
@@ -91,6 +92,28 @@ def test_where_arm_and_body_meet_nothing_is_judged_and_where_one_is_before_the_o
     known = sigma_of(seen(), picture(step))
     assert np.isfinite(known[5:70, 98:103]).all() == judged
     assert np.isfinite(known[5:70, 110:130]).all()
+
+
+@pytest.mark.parametrize(("strange", "judged"), [(5, True), (6, False)])
+def test_an_arm_of_which_one_place_in_twenty_looks_otherwise_stands_elsewhere(
+    monkeypatch, strange, judged
+):
+    looks = MirrorLooks.__new__(MirrorLooks)
+    looks._image = IMAGE
+    places = np.where(np.arange(100) < strange, 17.0, 16.0)
+
+    def hold(side, picture, readings, arm):
+        surprise = SimpleNamespace(chi_square=places if side else np.full(100, np.nan))
+        return SimpleNamespace(surprise=surprise, labels=np.full(100, ARM), arm=arm)
+
+    for name, value in {
+        "_readings": lambda: np.zeros(1),
+        "_pictures": lambda: [None, None],
+        "_arm": lambda *_: seen(),
+        "_expecting": lambda: SimpleNamespace(judged=hold),
+    }.items():
+        monkeypatch.setattr(looks, name, value)
+    assert all((one.arm is not None) == judged for one in looks.judge())
 
 
 def told(color):

@@ -141,15 +141,22 @@ class MirrorLooks:
 
     def judge(self) -> tuple[MirrorLook, MirrorLook]:
         """Look from where the robot stands; returns and raises as `look`."""
-        readings, expecting, pictures = self._readings(), self._expecting(), self._pictures()
-        for arm in (self._arm(readings, pictures), None):
-            left, right = (
-                expecting.judged(side, picture, readings, arm)
-                for side, picture in enumerate(pictures)
-            )
-            if arm is None or unlike_share((left, right), self._image.moving) < _ELSEWHERE:
-                return left, right
-        raise AssertionError("without an arm a look is taken")
+        readings, pictures = self._readings(), self._pictures()
+        arm = self._arm(readings, pictures)
+        pair = self._judged(readings, pictures, arm)
+        if arm is not None and unlike_share(pair, self._image.moving) > _ELSEWHERE:
+            return self._judged(readings, pictures, None)
+        return pair
+
+    def _judged(
+        self, readings: NDArray, pictures: Sequence[NDArray], arm: SeenArm | None
+    ) -> tuple[MirrorLook, MirrorLook]:
+        """Hold pictures of one look against what is expected, with an arm that was seen or not."""
+        expecting = self._expecting()
+        left, right = (
+            expecting.judged(side, picture, readings, arm) for side, picture in enumerate(pictures)
+        )
+        return left, right
 
     def _arm(self, readings: NDArray, pictures: Sequence[NDArray]) -> SeenArm | None:
         """Return how the arm stands in pictures of one look, if that can be told."""
