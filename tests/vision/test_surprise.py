@@ -255,6 +255,13 @@ def test_nothing_is_expected_to_be_brighter_than_a_pixel_can_be():
     assert np.nanmax(found.chi_square[bright.picture.max(axis=2) > most + 20.0]) < 30.0
 
 
+def test_a_body_in_a_dark_picture_is_not_expected_to_be_dark():
+    rng = np.random.default_rng(10)
+    room = np.full(checks().shape, 90.0)
+    found = surprise(seen(room, rng), expected())
+    assert np.nanmedian(found.chi_square) > 100.0
+
+
 def test_what_is_loose_may_be_seen_about_it_the_farther_the_less_it_is_known():
     sigma = np.full((40, 60), np.nan)
     sigma[20, 10], sigma[20, 40] = 4.0, 1.0
