@@ -34,7 +34,7 @@ APPEARANCE_SIGMA = 0.03
 """What colours and light of the description are not known by, as a share of the grey level; set on
 robot 0."""
 MOST_UNLIKE = 0.01
-"""Share of the unmarked head and chest that a mirror may show otherwise than expected."""
+"""Share of an unmarked link that may look otherwise once it is known how far it is not known."""
 _UNLIKE = 16.27
 """Chi-square of three degrees of freedom that one place in a thousand exceeds by chance."""
 _TURNED = np.radians(1.0)
