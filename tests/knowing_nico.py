@@ -5,9 +5,9 @@ from types import MappingProxyType
 import numpy as np
 
 from nico_selfmodel.estimation.mirrors.paint_colors import PaintColors
+from nico_selfmodel.sessions.looks.known_body import KnownBody
 from nico_selfmodel.sessions.mirrors.acquaintance import Acquainted
 from nico_selfmodel.sessions.mirrors.knowing import PLATE, Knowing
-from nico_selfmodel.sessions.mirrors.known_body import KnownBody
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.rendered_nico import RenderedNico

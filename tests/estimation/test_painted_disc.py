@@ -131,6 +131,17 @@ def test_paint_may_be_seen_beside_its_place_by_as_much_as_it_is_thick(height):
     assert abs(y[1]) < 2.0 * sigma[1]
 
 
+def test_paint_that_bends_about_a_bead_is_known_worse_than_on_a_head():
+    sigma = []
+    for size in (0.007, 0.06):
+        x, ball = np.array([size, 0.0, 0.0]), Solid("ellipsoid", (size,) * 3, np.eye(4))
+        each = [picture([ball], x, looking(k, 5.0), np.random.default_rng(2)) for k in (-4.0, 4.0)]
+        covariance = painted_disc(each, [ball], x, 0.03, 0.0)[1]
+        sigma.append(float(np.sqrt(np.trace(covariance) / 2.0)))
+    assert sigma[0] > 0.8e-3
+    assert sigma[1] < 0.15e-3
+
+
 @pytest.mark.parametrize(("across", "told"), [(3.0, False), (6.0, True)])
 def test_a_spot_of_too_few_pixels_is_known_to_its_radius(across, told):
     x, rng = on_ball(0.0, 0.0), np.random.default_rng(1)

@@ -2,12 +2,17 @@
 
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from nico_selfmodel.estimation.mirrors.mark_place import GATE_3
-from nico_selfmodel.estimation.mirrors.surface_evidence import SurfaceView, surprising_together
+from nico_selfmodel.estimation.mirrors.surface_evidence import (
+    SurfaceView,
+    plainly_shown,
+    surprising_together,
+)
 from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.solids.solid import Solid, onto_solids
 from nico_selfmodel.geometry.transform import apply, transform
@@ -220,3 +225,29 @@ def test_all_pictures_must_pass_the_bound_and_the_rest_what_chance_lets_pass(sho
     least = max(threshold_of(total, FALSE_ALARM) / shown, GATE_3 / (2 if shown == 4 else 1))
     assert above == [strength > least for strength in strengths]
     assert above[0] is not above[-1]
+
+
+def plain_view(covered=False):
+    """Return a picture of the ball, or of one that something covers about the mark."""
+    depth, labels = geometry(0, 0)
+    if covered:
+        u, v = np.rint(MIRRORS[0].project(apply(X_WH, MARK[None])[0])[:2]).astype(int)
+        labels = labels.copy()
+        labels[v - 3 : v + 4, u + 2 : u + 6] = NONE
+    off = np.where((labels == HEAD)[:, :, None], 0.0, np.full((*SHAPE, 3), np.nan))
+    return view(0, 0, off, depth, labels)
+
+
+def test_a_place_is_plainly_shown_where_what_is_about_it_is_and_not_from_the_side():
+    whole, toward = plain_view(), MARK / np.linalg.norm(MARK)
+    assert plainly_shown(whole, HEAD, MARK, toward)
+    assert not plainly_shown(plain_view(covered=True), HEAD, MARK, toward)
+    away = np.array([0.0, 0.0, -1.0])
+    assert not plainly_shown(whole, HEAD, 0.06 * away, away)
+    assert not plainly_shown(whole, HEAD + 1, MARK, toward)
+    # Where the ball turns from the camera it narrows, and ends.
+    rim = [np.array([np.sin(a), 0.0, np.cos(a)]) for a in np.radians(np.arange(0.0, 100.0, 5.0))]
+    found = [plainly_shown(whole, HEAD, 0.06 * n, n) for n in rim]
+    assert found[0]
+    assert not found[-1]
+    assert sum(a != b for a, b in pairwise(found)) == 1

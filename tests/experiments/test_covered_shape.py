@@ -5,8 +5,8 @@ from types import MappingProxyType, SimpleNamespace
 import numpy as np
 
 from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.sessions.looks.expecting import Expecting, Unknown
 from nico_selfmodel.sessions.mirrors import learned_shape
-from nico_selfmodel.sessions.mirrors.expecting import Expecting, Unknown
 from nico_selfmodel.sessions.mirrors.shape_looks import ShapeLooks
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.rendering.cropped_render import LabelledPicture

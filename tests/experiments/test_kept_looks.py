@@ -45,7 +45,7 @@ def known(monkeypatch, little_to_collect):
         monkeypatch.setattr(
             room, "rendered", lambda *_: SimpleNamespace(arm=None, quality=None), raising=True
         )
-        image = nullcontext(SimpleNamespace(links={}))
+        image = nullcontext(SimpleNamespace(links={}, moving=()))
         monkeypatch.setattr(room, "BodyImage", lambda *_, image=image: image)
     monkeypatch.setattr(marks, "NicoStation", lambda *_, **__: nullcontext())
     before = SimpleNamespace(station=plate.station, views={MIRROR: SimpleNamespace(X_BM=np.eye(4))})
@@ -71,7 +71,7 @@ def test_of_many_trials_with_marks_the_first_look_at_one_is_kept(known, monkeypa
 
 
 def test_of_many_unmarked_looks_one_is_kept(known, monkeypatch):
-    session = SimpleNamespace(look=lambda _: Looks())
+    session = SimpleNamespace(look=lambda _: Looks(), before_known=lambda *_: None)
     monkeypatch.setattr(unmarked, "_paints", lambda _: None)
     monkeypatch.setattr(unmarked, "MirrorLooks", lambda *_, **__: session)
     monkeypatch.setattr(

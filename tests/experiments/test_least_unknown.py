@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.sessions.mirrors.expecting import MOST_UNLIKE, POINT_SIGMA, Unknown
-from nico_selfmodel.sessions.mirrors.mirror_looks import (
+from nico_selfmodel.sessions.looks.expecting import MOST_UNLIKE, POINT_SIGMA, Unknown
+from nico_selfmodel.sessions.looks.least_unknown import (
     COLOR_SIGMA,
     COLORS,
     POINTS,
@@ -26,7 +26,7 @@ def told(color):
     each = np.arange(len(POINTS))
     places[each, 0, 10, each] = 0  # of each sigma another pixel
     places[:, 1, 5, 20] = 2
-    return Told(likely, share, places, LINKS)
+    return Told(likely, share, places, LINKS, np.zeros_like(share), frozenset())
 
 
 def test_a_link_is_known_as_well_as_leaves_next_to_nothing_surprising():
@@ -53,7 +53,7 @@ def test_no_more_is_asked_where_places_tell_all():
         asked.append(color)
         known = told(0.04)
         return Told(known.likely[:, :2], np.zeros((len(POINTS), 2)), known.strange,
-                    {"calm": 0, "grazed": 1})  # fmt: skip
+                    {"calm": 0, "grazed": 1}, np.zeros((len(POINTS), 2)), frozenset())  # fmt: skip
 
     assert not least_unknown(all_calm).colors
     assert asked == [COLORS[0]]

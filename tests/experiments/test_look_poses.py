@@ -8,7 +8,7 @@ import pytest
 from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
-from nico_selfmodel.sessions.mirrors.look_poses import look_poses
+from nico_selfmodel.sessions.looks.look_poses import look_poses
 from nico_selfmodel.systems.looking import touching_arm
 
 

@@ -51,9 +51,9 @@ from nico_selfmodel.experiments.mirror_test.unmarked import (
 )
 from nico_selfmodel.experiments.mirror_test.unmarked_report import unmarked_document
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
-from nico_selfmodel.sessions.mirrors.expecting import MirrorLook
+from nico_selfmodel.sessions.looks.expecting import MirrorLook
+from nico_selfmodel.sessions.looks.mark_finder import Finding
 from nico_selfmodel.sessions.mirrors.knowing import Refusal
-from nico_selfmodel.sessions.mirrors.mark_finder import Finding
 from nico_selfmodel.systems.rendering.mark_on_body import Mark
 from nico_selfmodel.vision.surprise.surprise import Expectation, Surprise
 
@@ -274,7 +274,7 @@ def test_an_unmarked_body_may_surprise_once_in_a_hundred_looks(count, surprised,
     document = unmarked_document(looks(count, surprised))
     assert document["status"] == status
     assert f"{surprised} of {count} looks" in document["reasons"][0]
-    assert "the arm that moves" in document["not_judged"]
+    assert "the hand that moves" in document["not_judged"][0]
 
 
 def test_a_look_that_surprises_is_named_with_its_link_and_pixel():
@@ -423,7 +423,7 @@ def test_both_stages_are_in_one_report_and_the_worse_status_counts():
     assert [one["status"] for one in report.document["stages"]] == ["PASS", "NOT_EVALUATED"]
     assert report.document["status"] == "NOT_EVALUATED"
     assert set(report.charts) == {"contingency", "surprise"}
-    assert "| 0.9 | 10 | 0 | 0.900 | 100 | 1.00 |" in "".join(t.markdown for t in report.tables)
+    assert "| 0.9 | 10 | 0 | 0.900 | 100 | 0 | 1.00 |" in "".join(t.markdown for t in report.tables)
 
 
 RED = np.array([1.0, 0.0, 0.0])

@@ -16,7 +16,7 @@ from nico_selfmodel.model.cameras.mirror_rig import projected
 from nico_selfmodel.model.self_model_file import save_model
 from nico_selfmodel.model.shape.shape_folder import load_shape
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
-from nico_selfmodel.sessions.shapes.card import Card, card_of
+from nico_selfmodel.sessions.looks.card import Card, card_of
 from nico_selfmodel.sessions.shapes.moving_shape import (
     _ABOUT,
     _cropped,

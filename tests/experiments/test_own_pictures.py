@@ -14,7 +14,7 @@ from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.model.self_model_file import save_model
-from nico_selfmodel.sessions.mirrors.expecting import Expecting, Unknown
+from nico_selfmodel.sessions.looks.expecting import Expecting, Unknown
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR
 from nico_selfmodel.sessions.mirrors.own_pictures import look_at_own_pictures, own_shots
 from nico_selfmodel.sessions.rendered_nico import RenderedNico

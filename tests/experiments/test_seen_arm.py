@@ -8,9 +8,10 @@ from nico_selfmodel.experiments.mirror_test import touches
 from nico_selfmodel.experiments.mirror_test.touches import SEEN_ON, TRIES, TouchJudge
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.plant.touching.touch_planner import Touch
+from nico_selfmodel.sessions.looks import seen_arm
+from nico_selfmodel.sessions.looks.expecting import Unknown
+from nico_selfmodel.sessions.looks.seen_arm import SeenArm, see_arm
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
-from nico_selfmodel.sessions.touching import seen_arm
-from nico_selfmodel.sessions.touching.seen_arm import SeenArm, see_arm
 from nico_selfmodel.systems.looking import FINGER
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.systems.rendering.mark_on_body import Mark
@@ -70,6 +71,31 @@ def test_pictures_that_hardly_show_the_arm_tell_nothing_of_it(known, toucher, mo
 
 
 @pytest.mark.slow
+def test_an_arm_is_not_seen_where_joints_so_loose_hardly_ever_stand(known, toucher, monkeypatch):
+    looks, servos = toucher._looks, known.robot.model.servos
+    shot = looks.shot(MIRROR, servos.to_encoder(POSTURES[1:2])[0])
+    seen = see_arm(toucher._image, known.body, shot)
+    assert not seen.attached[0].all()
+    assert seen.hand >= {"right_hand", FINGER}
+    assert np.allclose(servos.to_encoder(seen.q[None])[0], seen.readings)
+    off = np.abs(seen.q - servos.to_joint(shot.readings[None])[0])
+    monkeypatch.setattr(seen_arm, "LOOSE", 0.2 * np.linalg.norm(off))  # chi-square 25 of 6
+    assert see_arm(toucher._image, known.body, shot) is None
+
+
+@pytest.mark.slow
+def test_an_unmarked_arm_is_judged_and_does_not_surprise(known, toucher):
+    looks, image = toucher._looks, toucher._image
+    X_BM = known.before.views[MIRROR].X_BM
+    looks.before_known(MIRROR, known.body, Unknown(dict.fromkeys(image.links.values(), 7e-4)), X_BM)
+    pair = looks.look(known.robot.model.servos.to_encoder(POSTURES[3:])[0])
+    # The right camera sees a hand that is held up and little else.
+    left = pair[0].surprise.chi_square[np.isin(pair[0].labels, [*image.moving])]
+    assert np.isfinite(left).sum() > 300
+    assert np.nanmax(left) < 35.0
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("off", "tries"), [((0.9,), 1), ((1.1, 0.9), 2), ((1.1,) * TRIES, TRIES)])
 def test_the_finger_goes_again_until_it_is_seen_on_the_mark(
     known, toucher, monkeypatch, off, tries
@@ -89,13 +115,15 @@ def test_the_finger_goes_again_until_it_is_seen_on_the_mark(
 def test_the_finger_is_off_by_what_it_is_seen_beside_the_place_along_the_surface(
     known, toucher, monkeypatch
 ):
-    q, image = POSTURES[0], toucher._image
+    q, image, servos = POSTURES[0], toucher._image, known.robot.model.servos
     poses = image.poses(known.robot.model.servos.to_encoder(q[None])[0])
     end = apply(inverse(poses["chest"]) @ poses[FINGER], toucher._finger.p_FE[None])[0]
     place = "chest", end + np.array([0.004, 0.0, 0.02]), np.array([0.0, 0.0, 2.0])
-    monkeypatch.setattr(touches, "see_arm", lambda *_: SeenArm(q, np.eye(6)))
+    nothing = (np.zeros((1, 1), dtype=bool),) * 2
+    arm = SeenArm(q, np.eye(6), servos.to_encoder(q[None])[0], [], nothing, frozenset())
+    monkeypatch.setattr(touches, "see_arm", lambda *_, **__: arm)
     assert toucher._seen_off(None, place) == pytest.approx(0.004)
-    monkeypatch.setattr(touches, "see_arm", lambda *_: None)
+    monkeypatch.setattr(touches, "see_arm", lambda *_, **__: None)
     assert toucher._seen_off(None, place) == 0.0
 
 

@@ -25,7 +25,7 @@ from nico_selfmodel.experiments.mirror_test.touches_report import (
     touches_table,
 )
 from nico_selfmodel.plant.touching.touch_planner import OutOfReach, Touch, TouchPlanner
-from nico_selfmodel.sessions.mirrors.mark_finder import Finding
+from nico_selfmodel.sessions.looks.mark_finder import Finding
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.looking import FINGER, touching_arm
 from nico_selfmodel.systems.rendering.mark_on_body import Mark
@@ -172,18 +172,22 @@ def test_a_robot_goes_to_marks_it_has_found_and_says_which_are_out_of_reach(monk
     known = knowing(2)
     mark, normal = place_in_reach(known.before.nico)
     back = Mark("head", np.array([-0.0715, 0.0, 0.076]), 0.01, np.ones(3))
+    on_arm = Mark("right_forearm", np.array([0.02, 0.0, 0.05]), 0.01, np.ones(3))
     trials = [
         MarkTrial(2, Painted(MARK, one, n), (Finding(ON_ME, one.link, one.p_FM, None, ()),), None)
-        for one, n in ((mark, normal), (back, np.array([-1.0, 0.0, 0.0])))
+        for one, n in ((mark, normal), (back, np.array([-1.0, 0.0, 0.0])), (on_arm, np.eye(3)[0]))
     ]
     missed = MarkTrial(2, Painted(MARK, mark, normal), (), None)
     monkeypatch.setattr(touches, "PLANS", 1)
     found = run_touches([known], {}, MarkStage((*trials, missed), None))
-    first, second = found.marks
+    first, second, third = found.marks
     assert first.way_exists
     assert first.executed.off < 0.012
     assert second.executed is None
     assert not second.in_reach
+    assert third.executed is None
+    assert not third.in_reach
+    assert "carries right_forearm" in third.plan.reason
     assert len(found.plans) == 1
 
 

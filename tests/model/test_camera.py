@@ -76,6 +76,15 @@ def assert_slope(found, numeric):
     assert np.abs(found - numeric).max() <= 1e-6 * np.abs(numeric).max()
 
 
+def test_a_pixel_and_its_depth_are_the_point_that_is_seen_there():
+    rng = np.random.default_rng(4)
+    camera = WIDE.at(transform(rotation_from_vector([0.3, -0.2, 0.1]), [0.1, 0.2, 0.3]))
+    p_CQ = rng.uniform([-0.2, -0.15, 0.5], [0.2, 0.15, 1.5], (20, 3))
+    p_WQ = apply(camera.X_WC, p_CQ)
+    found = camera.at_depth(camera.project(p_WQ), p_CQ[:, 2])
+    np.testing.assert_allclose(found, p_WQ, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("p", "skew"),
     slow_rest([((1e-3, -5e-4), 0.4), ((1e-3, -5e-4), 0.0), ((0.0, 0.0), 0.4), ((0.0, 0.0), 0.0)]),

@@ -9,7 +9,7 @@ from nico_selfmodel.geometry.rotation import rotation_about, rotation_vector_of
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
-from nico_selfmodel.sessions.mirrors.known_body import STANDING, Shot, know_body
+from nico_selfmodel.sessions.looks.known_body import STANDING, Shot, know_body
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.rendering.body_image import BodyImage

@@ -243,6 +243,25 @@ def test_what_was_found_cannot_be_changed():
         found.chi_square[0, 0] = 0.0
 
 
+def test_nothing_is_expected_to_be_brighter_than_a_pixel_can_be():
+    rng = np.random.default_rng(9)
+    bright = expected()
+    bright = replace(bright, picture=np.clip(bright.picture.astype(float) + 60.0, 0, 255))
+    most = 0.8 * bright.picture.max()  # what a mirror throws back of the brightest
+    picture = seen(np.minimum(bright.picture, most), rng)
+    assert (bright.picture > most + 20.0).any()
+    found = surprise(picture, bright)
+    assert found.gain == pytest.approx(1.0, abs=0.05)
+    assert np.nanmax(found.chi_square[bright.picture.max(axis=2) > most + 20.0]) < 30.0
+
+
+def test_a_body_in_a_dark_picture_is_not_expected_to_be_dark():
+    rng = np.random.default_rng(10)
+    room = np.full(checks().shape, 90.0)
+    found = surprise(seen(room, rng), expected())
+    assert np.nanmedian(found.chi_square) > 100.0
+
+
 def test_what_is_loose_may_be_seen_about_it_the_farther_the_less_it_is_known():
     sigma = np.full((40, 60), np.nan)
     sigma[20, 10], sigma[20, 40] = 4.0, 1.0

@@ -194,9 +194,7 @@ def _pixel_slopes(
 ) -> NDArray:
     """Return how pixels of reflections move by mirror, body, cameras. Shape (N, 2, 3 + k + c)."""
     camera = rig.cameras[view.side]
-    ideal = camera.undistort(np.stack([columns, rows], axis=1).astype(float))
-    ideal = np.concatenate([ideal, np.ones((len(rows), 1))], axis=1)
-    behind = apply(camera.X_WC, ideal * view.depth[rows, columns][:, None])
+    behind = camera.at_depth(np.stack([columns, rows], axis=1), view.depth[rows, columns])
     plane = mirror.plane_in(rig.left.X_WC)
     p_WQ = reflect(plane, behind)
     found = reflected_projection(rig.cameras, mirror.values, p_WQ)

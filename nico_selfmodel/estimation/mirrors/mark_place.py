@@ -6,7 +6,7 @@ reflection lies on the body's surface; it lies on the glass itself; or neither.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import numpy as np
@@ -56,6 +56,11 @@ class PosedBody:
     """Of the mirror's values, then of the motions. Shape (3 + k, 3 + k)."""
     place_sigma: Mapping[str, float]
     """Link -> what its place is not known by besides, each coordinate [m]."""
+    loose: Sequence[tuple[BodyMotion, frozenset[str]]] = ()
+    """How it may stand elsewhere in this look alone, as an arm whose joints are loose, and the
+    links that each of it moves."""
+    loose_covariance: NDArray = field(default_factory=lambda: np.zeros((0, 0)))
+    """Of that. Shape (j, j)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +75,8 @@ class LinkPlace:
     """Its covariance from what is this look's alone. Shape (3, 3)."""
     common: NDArray
     """The same from mirror, body, surface and what else errs alike in all looks. Shape (3, 3)."""
+    loose: NDArray
+    """What of `own` is from where the link stands in this look. Shape (3, 3)."""
     in_part: NDArray
     """What stands for `own` where one asks whether two looks show one spot, of which either may
     show a part: half a pixel at least, and not along the surface only, for parts may lie on two
@@ -77,7 +84,7 @@ class LinkPlace:
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
-        for name in ("p_FM", "own", "common", "in_part"):
+        for name in ("p_FM", "own", "common", "loose", "in_part"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
@@ -181,21 +188,28 @@ def _on_body(
     X_FW = inverse(body.poses[link])
     onto = np.eye(3) - np.outer(gain, normal)
     slopes = reflection_slopes(plane, behind[None])[0] @ by_values
-    ways = [
-        -motion.way(x[None])[0] if link in links else np.zeros(3) for motion, links in body.motions
-    ]
+    ways, loose_ways = (
+        [-motion.way(x[None])[0] if link in links else np.zeros(3) for motion, links in motions]
+        for motions in (body.motions, body.loose)
+    )
     by_known = X_FW[:3, :3] @ onto @ np.column_stack([slopes, *ways])
     by_pixels = onto @ C @ onto.T
+    by_loose = np.zeros((3, 0)) if not loose_ways else onto @ np.column_stack(loose_ways)
+    loose = by_loose @ body.loose_covariance @ by_loose.T
     alike = shares[1] * by_pixels + body.place_sigma[link] ** 2 * onto @ onto.T
     R_FW = X_FW[:3, :3]
     place = LinkPlace(
         link,
         apply(X_FW, x[None])[0],
-        R_FW @ (shares[0] * by_pixels) @ R_FW.T,
+        R_FW @ (shares[0] * by_pixels + loose) @ R_FW.T,
         R_FW @ alike @ R_FW.T + by_known @ body.covariance @ by_known.T,
-        R_FW @ C @ R_FW.T,
+        R_FW @ loose @ R_FW.T,
+        R_FW @ (C + loose) @ R_FW.T,
     )
     variance += body.place_sigma[link] ** 2 + _common_along(normal, slopes, ways, body)
+    if loose_ways:
+        along = normal @ np.column_stack(loose_ways)
+        variance += float(along @ body.loose_covariance @ along)
     return Spot(ON_ME, place, off**2 / variance)
 
 

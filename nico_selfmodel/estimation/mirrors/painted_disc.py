@@ -63,6 +63,9 @@ _EVEN = 0.005
 """What holds its slope where hardly anything tells it [px^2]."""
 _ALIKE = 4.0
 """So far apart what is left of pixels hangs together no more [px]."""
+_AROUND, _RING = 2.0, 16
+"""What a middle is not known by where paint bends about a surface, in radii, once that turns away
+by a right angle all around; set on the nose of robot 1913. And places that are asked around it."""
 _FEWEST = 9.0
 """Pixels of paint that tell of a disc."""
 
@@ -125,6 +128,7 @@ def painted_disc(
         flat += pixel_sigma**2 * by_pixels @ by_pixels.T
         by_height += P @ H[:, :2] @ chart.t
     flat += height**2 * np.outer(by_height, by_height)
+    flat += (_AROUND * radius * _turned_away(solids, x, E, radius)) ** 2 * np.eye(2)
     return x, _bent(solids, x, E, flat)
 
 
@@ -302,6 +306,15 @@ def _onto(solids: Sequence[Solid], x: NDArray, E: NDArray, d: NDArray, height: f
     above = x + d @ E.T + height * normal
     inside = distance_to_solids(solids, above)[0] < 0.0
     return np.where(inside[:, None], np.nan, onto_solids(solids, above, -normal))
+
+
+def _turned_away(solids: Sequence[Solid], x: NDArray, E: NDArray, radius: float) -> float:
+    """Return how far a surface turns from its normal at a place where a disc ends, mean 1 - cos."""
+    turns = 2.0 * np.pi * np.arange(_RING) / _RING
+    ring = _onto(solids, x, E, radius * np.stack([np.cos(turns), np.sin(turns)], axis=1), radius)
+    cosines, met = np.zeros(_RING), np.isfinite(ring).all(axis=1)
+    cosines[met] = normals_of_solids(solids, ring[met]) @ np.cross(*E.T)
+    return float(np.mean(1.0 - cosines))
 
 
 def _bent(solids: Sequence[Solid], x: NDArray, E: NDArray, flat: NDArray) -> NDArray:

@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.mirrors.mark_place import GATE_3
 from nico_selfmodel.geometry.reflection import reflect
+from nico_selfmodel.geometry.rotation import tangent_basis
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 
 _MANY = 3
 """Pictures of which not two may decide."""
+_ABOUT, _NARROW = 3e-3, 1.5
+"""What about a place must be shown with it [m], and how wide it must look [px]."""
 _SAME = 0.01
 """What a camera sees nearer or farther than a place by this is not that place [m]."""
 
@@ -149,9 +152,8 @@ def _without(W: NDArray, K: NDArray, b: NDArray, left_out: Sequence[int]) -> NDA
 def on_links(view: SurfaceView, rows: NDArray, columns: NDArray) -> tuple[NDArray, NDArray]:
     """Return the link of each pixel, and its place in that link's frame. (N,) and (N, 3)."""
     camera = view.rig.rig.cameras[view.side]
-    ideal = camera.undistort(np.stack([columns, rows], axis=1).astype(float))
-    p_CQ = np.concatenate([ideal, np.ones((len(rows), 1))], axis=1)
-    p_WQ = reflect(view.rig.plane, apply(camera.X_WC, p_CQ * view.depth[rows, columns][:, None]))
+    behind = camera.at_depth(np.stack([columns, rows], axis=1), view.depth[rows, columns])
+    p_WQ = reflect(view.rig.plane, behind)
     labels = view.labels[rows, columns]
     p_FQ = np.full(p_WQ.shape, np.nan)
     for label, X_WF in view.poses.items():
@@ -164,6 +166,39 @@ def _shown(view: SurfaceView, labels: NDArray, p_FQ: NDArray) -> tuple[NDArray, 
     """Return how surprising places of links are in a picture, and their rows and columns there.
 
     They are nan where it shows other places, and rows and columns then mean nothing.
+    """
+    same, v, u = shown_in(view, labels, p_FQ)
+    return np.where(same, view.places[v, u], np.nan), v, u
+
+
+def plainly_shown(view: SurfaceView, label: int, p_FM: NDArray, n_F: NDArray) -> bool:
+    """Return whether a picture shows a place of a link and what is about it, not from the side.
+
+    Args:
+        label: Number of the link.
+        p_FM: The place in its frame [m]. Shape (3,).
+        n_F: Outward normal there. Shape (3,).
+    """
+    if label not in view.poses:
+        return False
+    E = tangent_basis(n_F)
+    about = p_FM + _ABOUT * np.vstack([np.zeros(3), E.T, -E.T])
+    if not shown_in(view, np.full(len(about), label), about)[0].all():
+        return False
+    pixels = view.rig.project(apply(view.poses[label], about))[:, 2 * view.side : 2 * view.side + 2]
+    width = np.linalg.svd((pixels[1:3] - pixels[0]).T / _ABOUT)[1].min() * 2.0 * _ABOUT
+    return bool(width >= _NARROW)
+
+
+def shown_in(view: SurfaceView, labels: NDArray, p_FQ: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Return which places of links a picture shows, and their rows and columns there.
+
+    Args:
+        labels: Number of the link of each. Shape (N,).
+        p_FQ: Places in the frames of these links [m]. Shape (N, 3).
+
+    Returns:
+        Truth values, rows and columns, which mean nothing where another place is shown. (N,) each.
     """
     p_WQ = np.full(p_FQ.shape, np.nan)
     for label, X_WF in view.poses.items():
@@ -180,4 +215,4 @@ def _shown(view: SurfaceView, labels: NDArray, p_FQ: NDArray) -> tuple[NDArray, 
     same = inside & (view.labels[v, u] == labels)
     with np.errstate(invalid="ignore"):
         same &= np.abs(view.depth[v, u] - depth) < _SAME
-    return np.where(same, view.places[v, u], np.nan), v, u
+    return same, v, u

@@ -1,4 +1,4 @@
-"""Stages 5 to 8 of the mirror test, for head and chest: marks, their place, and their removal."""
+"""Stages 5 to 8 of the mirror test: marks, their place, and their removal."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ from nico_selfmodel.experiments.mirror_test.painting import (
     Painted,
     Painter,
 )
+from nico_selfmodel.sessions.looks.expecting import MirrorLook
+from nico_selfmodel.sessions.looks.mark_finder import Finding, MarkFinder
+from nico_selfmodel.sessions.looks.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.mirrors.acquaintance import rendered
-from nico_selfmodel.sessions.mirrors.expecting import MirrorLook
 from nico_selfmodel.sessions.mirrors.knowing import TURNED, Knowing
-from nico_selfmodel.sessions.mirrors.mark_finder import Finding, MarkFinder
-from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
 from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.systems.closing import free_memory
@@ -127,8 +127,8 @@ class _Session:
         return painted, self._finder.find((MIRROR, TURNED), (here, there), changes), here
 
     def _before(self, name: str) -> None:
-        self._looks.before(self._known.body.mirror(name), self._views[name].X_BM)
-        self._looks.unknown = self._known.unknown[name]
+        known = self._known
+        self._looks.before_known(name, known.body, known.unknown[name], self._views[name].X_BM)
 
     def _command(self, name: str, rng: np.random.Generator) -> NDArray:
         return rng.choice(self._known.poses[name])

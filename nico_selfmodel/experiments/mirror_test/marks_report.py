@@ -86,7 +86,7 @@ def _hits(stage: MarkStage) -> dict[str, Any]:
         failed,
         said,
         f"{ENOUGH_MARKS} marks" if len(trials) < ENOUGH_MARKS else None,
-        not_judged=["the arm that moves", "what is seen directly"],
+        not_judged=["the hand that moves and its wrist", "what is seen directly"],
         marks=len(trials),
         hits=hits,
         several=sum(len(trial.found) > 1 for trial in trials),
@@ -125,7 +125,7 @@ def _controls(stage: MarkStage) -> dict[str, Any]:
         failed,
         f"all of {sham + same + sum(others)} controls are answered rightly",
         f"{needed} robot," if few else None,
-        not_evaluated=["a mark seen directly: no camera sees head or chest directly"],
+        not_evaluated=["a mark seen directly: none is painted where a camera sees it directly"],
         controls=rows,
     )
 

@@ -1,4 +1,4 @@
-"""Who paints marks in the mirror test: on head and chest, on the glass, on another robot, or not.
+"""Who paints marks in the mirror test: on the robot, on the glass, on another robot, or not.
 
 It knows where everything really is, and tells the robot nothing.
 """
@@ -14,7 +14,7 @@ from nico_selfmodel.arrays import read_only
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
-from nico_selfmodel.sessions.mirrors.knowing import LINKS
+from nico_selfmodel.sessions.mirrors.knowing import LINKS, MARKED
 from nico_selfmodel.systems.looking import LOOKING_DEG
 from nico_selfmodel.systems.rendering.mark_on_body import GLASS, Mark, recolored
 from nico_selfmodel.systems.stations.nico_station import NicoStation
@@ -95,7 +95,7 @@ class Painter:
         if kind != OTHER_ROBOT:
             surfaces = {k: v for k, v in surfaces.items() if not k.startswith(OTHER)}
         seen = SeenSurface(surfaces, self._station.ground_truth.rig, self._mirror)
-        links = [OTHER + link for link in LINKS] if kind == OTHER_ROBOT else list(LINKS)
+        links = [OTHER + link for link in LINKS] if kind == OTHER_ROBOT else list(MARKED)
         places = seen.in_mirror_only(links, 50, rng, DIAMETER)
         before = self._pictures()
         for link, p_FQ in zip(places.links, places.p_FQ, strict=True):

@@ -38,12 +38,12 @@ from nico_selfmodel.experiments.mirror_test.unmarked_report import (
     unmarked_table,
 )
 from nico_selfmodel.plant.touching.touch_planner import CLEAR, LEAN, NARROW
-from nico_selfmodel.sessions.mirrors.expecting import MOST_UNLIKE
+from nico_selfmodel.sessions.looks.least_unknown import COLOR_SIGMA, MOVING
+from nico_selfmodel.sessions.looks.mark_finder import ARM_SIGMA, LENS_SIGMA, PIXEL_SIGMA
+from nico_selfmodel.sessions.looks.seen_arm import LOOSE
+from nico_selfmodel.sessions.mirrors.knowing import TRUSTED
 from nico_selfmodel.sessions.mirrors.learned_shape import APART
-from nico_selfmodel.sessions.mirrors.mark_finder import LENS_SIGMA, PIXEL_SIGMA
-from nico_selfmodel.sessions.mirrors.mirror_looks import COLOR_SIGMA
 from nico_selfmodel.sessions.motion_session import PERIOD
-from nico_selfmodel.sessions.touching.seen_arm import LOOSE
 from nico_selfmodel.viz.reports.experiment_page import ExperimentPage, text_table
 from nico_selfmodel.viz.reports.parts import Drawing, numbers, section
 
@@ -112,10 +112,10 @@ def report_of(test: MirrorTest) -> ExperimentReport:
         "Stage 1, contingency: whose motion follows one's own? Stage 1b: is what moves with "
         "oneself a mirror, a picture or another? Stage 2: where "
         "does a mirror stand that was never looked into? Stage 3, structure: what shape have head, "
-        "chest, forearm and hand? Stage 4, the expected picture: does "
-        "an unmarked head and chest look as expected? Stages 5, 6 and 8: is a mark found that is "
-        "seen in mirrors only, where is it, and is nothing found where it is not? Stage 7: does "
-        "the finger touch it, and nothing else the body? No other stage "
+        "chest, forearm and hand? Stage 4, the expected picture: does an unmarked body look as "
+        "expected, its arm included? Stages 5, 6 and 8: is a mark found that is seen in mirrors "
+        "only, where is it, and is nothing found where it is not? Stage 7: does the finger touch "
+        "it, and nothing else the body? No other stage "
         "is part of this test, and one that fails is the last that is judged, but for stage 3: "
         "the later ones expect to see the description's shapes. "
         f"{len(met.responses)} simulated robot(s) that learned cameras and arm by themselves, "
@@ -150,13 +150,16 @@ KEPT_OFF = "learned where it was seen (stage 3), beside what its description giv
 DERIVED_SHAPE = "derived: from what mirrors, joints and cameras are known by"
 SET_COLOR = f"{100 * COLOR_SIGMA:g} %: set on robots 0 and 1; more where its looks tell"
 SET_MIDDLE = f"{PIXEL_SIGMA:g} and {LENS_SIGMA:g} px: set on robots 900 and 950"
-SET_UNLIKE = f"{100 * MOST_UNLIKE:g} %: set on robot 900"
+SET_UNLIKE = f"{100 * TRUSTED:g} %: set on robots 1853, 1893, 1894, 1912, 1913 and 1919"
 NEAR_AND_LEAN = (
     f"{1e3 * CLEAR:.0f} mm, {np.degrees(LEAN):.0f} deg: chosen; {1e3 * NARROW:g} mm where there "
     "is no other way: set on robots 1853, 1893 and 1894"
 )
 LINK_APART = f"{1e3 * APART:g} mm: derived from joints' 2 mm, looked at on 1853, 1893 and 1894"
 LOOSE_JOINTS = f"{np.degrees(LOOSE):.1f} deg: given"
+SET_ARM = (
+    f"{1e3 * MOVING:g} mm in pictures, {1e3 * ARM_SIGMA:g} mm of marks: set on robots 1893 and 1894"
+)
 SEEN_BESIDE = f"{1e3 * SEEN_ON:g} mm: set on robot 1893"
 
 
@@ -191,8 +194,9 @@ def _given() -> Table:
         ["threshold of a surprising place", "derived: one false place in 100 pictures"],
         ["how near the arm may come to the body, how far the finger may lean", NEAR_AND_LEAN],
         ["how much nearer than another's its own link's lines must be for a shape", LINK_APART],
-        ["how loose its joints are in a look at its finger", LOOSE_JOINTS],
-        ["where its finger came to", "seen in the mirror, by the edges of its arm"],
+        ["how loose its joints are in a look at its arm", LOOSE_JOINTS],
+        ["how its arm stands in a look, where its finger came to", "seen, by the arm's edges"],
+        ["what places of its arm's links are not known by", SET_ARM],
         ["how far beside a mark it is seen and goes again", SEEN_BESIDE],
         ["odds that stop the test", "derived: 100 to 1 that of 100 verdicts not one is wrong"],
         ["threshold of the motion mask", "derived: one false cell in 1000 still pictures"],

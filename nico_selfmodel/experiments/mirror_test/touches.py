@@ -21,14 +21,14 @@ from nico_selfmodel.plant.touching.touch_planner import (
     TouchPlanner,
     between,
 )
+from nico_selfmodel.sessions.looks.known_body import Shot
+from nico_selfmodel.sessions.looks.mirror_looks import MirrorLooks
+from nico_selfmodel.sessions.looks.seen_arm import see_arm
 from nico_selfmodel.sessions.mirrors.acquaintance import rendered
 from nico_selfmodel.sessions.mirrors.knowing import LINKS, Knowing
-from nico_selfmodel.sessions.mirrors.known_body import Shot
-from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
 from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
-from nico_selfmodel.sessions.touching.seen_arm import see_arm
 from nico_selfmodel.systems.closing import free_memory
 from nico_selfmodel.systems.looking import FINGER
 from nico_selfmodel.systems.rendering.body_image import BodyImage
@@ -144,6 +144,8 @@ class TouchJudge:
         It keeps as far from the body as the robot's own way, which need not be the usual distance,
         and is looked for from where that ends, too.
         """
+        if mark.link in self._posed.moving:
+            return False
         near, planner = None, self._planner
         if isinstance(plan, Touch):
             near = plan.readings[-1]
@@ -356,7 +358,11 @@ def _touched(
     """Plan a way to a place, go it if there is one, and judge it by the mark that is there."""
     link, p_FM = place
     n_F = planner.posed.surfaces[link].normals(p_FM[None])[0]
-    plan = planner.at_place(link, p_FM, n_F, rng)
+    plan = (
+        OutOfReach(f"the arm that would touch it carries {link}")
+        if link in planner.posed.moving
+        else planner.at_place(link, p_FM, n_F, rng)
+    )
     mark, normal = true
     exists, done = judge.way_exists(mark, normal, plan, rng), None
     if isinstance(plan, Touch):

@@ -1,15 +1,16 @@
-"""Stage 4 of the mirror test, for head and chest: an unmarked body does not surprise."""
+"""Stage 4 of the mirror test: an unmarked body does not surprise."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.sessions.looks.expecting import MirrorLook
+from nico_selfmodel.sessions.looks.least_unknown import COLOR_SIGMA
+from nico_selfmodel.sessions.looks.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.mirrors.acquaintance import rendered
-from nico_selfmodel.sessions.mirrors.expecting import MirrorLook
 from nico_selfmodel.sessions.mirrors.knowing import Knowing
-from nico_selfmodel.sessions.mirrors.mirror_looks import COLOR_SIGMA, MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, of_robot
@@ -41,6 +42,8 @@ class Look:
     """Surprising places that are none."""
     where: tuple[str, ...] = ()
     """Which: camera, link and pixel of each."""
+    judged_arm: tuple[int, int] = (0, 0)
+    """Pixels of the arm that were judged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +87,8 @@ def run_unmarked(
     for i, known in enumerate(robots):
         stage = of_robot(progress, i, len(robots))
         for k, light in enumerate(LIGHTS):
-            for pair, links in _look(known, light, len(range(k, looks, len(LIGHTS)))):
-                done.append(_counted(known.robot.seed, light, pair, links))
+            for pair, links, arm in _look(known, light, len(range(k, looks, len(LIGHTS)))):
+                done.append(_counted(known.robot.seed, light, pair, links, arm))
                 stage("looking at itself", len(done) - i * looks, looks)
                 shown = shown or pair
     assert shown is not None, "there is a look a robot at least"
@@ -122,8 +125,8 @@ def _off(shares: NDArray) -> NDArray:
 
 def _look(
     known: Knowing, light: float, count: int
-) -> Iterator[tuple[tuple[MirrorLook, MirrorLook], Mapping[int, str]]]:
-    """Look at oneself in one light, at poses drawn anew; with the links by number."""
+) -> Iterator[tuple[tuple[MirrorLook, MirrorLook], Mapping[int, str], Collection[int]]]:
+    """Look at oneself in one light, at poses drawn anew; with links by number, and the arm's."""
     robot = known.robot
     nico = rendered(robot, ImageQuality(gain=light))
     before = NicoBeforeMirrors(nico, {MIRROR: DEFAULT_MIRROR}, plate=known.before.plate)
@@ -131,19 +134,26 @@ def _look(
     rng = np.random.default_rng((robot.seed, 44, round(100 * light)))
     with BodyImage(nico.arm, robot.model) as image, before.station(_DAY) as station:
         known.body.pose(image)
-        looks = MirrorLooks(
-            station, image, robot.model, mirror, view.X_BM, unknown=known.unknown[MIRROR]
-        )
+        looks = MirrorLooks(station, image, robot.model, mirror, view.X_BM)
+        looks.before_known(MIRROR, known.body, known.unknown[MIRROR], view.X_BM)
         links = dict(image.links)
         for command in rng.choice(known.poses[MIRROR], count):
-            yield looks.look(command), links
+            yield looks.look(command), links, image.moving
 
 
 def _counted(
-    robot: int, light: float, pair: tuple[MirrorLook, MirrorLook], links: Mapping[int, str]
+    robot: int,
+    light: float,
+    pair: tuple[MirrorLook, MirrorLook],
+    links: Mapping[int, str],
+    arm: Collection[int],
 ) -> Look:
     """Return what is kept of a look."""
     judged = [np.isfinite(one.surprise.chi_square) for one in pair]
+    own = [
+        int((where & np.isin(one.labels, [*arm])).sum())
+        for one, where in zip(pair, judged, strict=True)
+    ]
     means = [
         float(np.mean(one.surprise.chi_square[where]))
         for one, where in zip(pair, judged, strict=True)
@@ -161,4 +171,5 @@ def _counted(
             for one in pair
             for b in one.blobs
         ),
+        (own[0], own[1]),
     )

@@ -19,14 +19,14 @@ def unmarked_document(stage: UnmarkedStage) -> dict[str, Any]:
     """Return the stage as plain data, with its status."""
     looks = len(stage.looks)
     surprised = sum(look.alarms > 0 for look in stage.looks)
-    said = f"{surprised} of {looks} looks at an unmarked head and chest surprise"
+    said = f"{surprised} of {looks} looks at an unmarked body surprise"
     return stage_document(
         "4",
-        "expected picture, unmarked head and chest",
+        "expected picture, unmarked body and arm",
         [f"{said}, at most 1 in 100 may"] if surprised > MOST * looks else [],
         f"{said}, {ENOUGH} looks are needed" if looks < ENOUGH else None,
         said,
-        not_judged=["the arm that moves", "the room"],
+        not_judged=["the hand that moves and its wrist, to which things are attached", "the room"],
         lights=[_row(light, stage.looks) for light in LIGHTS],
         paints=[
             {
@@ -55,13 +55,22 @@ def _row(light: float, looks: tuple[Look, ...]) -> dict[str, Any]:
         "alarms": sum(look.alarms for look in own),
         "gain": float(np.mean([look.gains for look in own])) if own else None,
         "judged_px": float(np.mean([look.judged for look in own])) if own else None,
+        "judged_arm_px": float(np.mean([look.judged_arm for look in own])) if own else None,
         "chi_square": float(np.mean([look.chi_square for look in own])) if own else None,
     }
 
 
 def unmarked_table(stage: UnmarkedStage) -> Table:
     """Return a row for each light."""
-    headings = ("light", "looks", "surprised", "gain found", "judged px", "mean z² / 3")
+    headings = (
+        "light",
+        "looks",
+        "surprised",
+        "gain found",
+        "judged px",
+        "of the arm",
+        "mean z² / 3",
+    )
     rows = [
         [
             f"{row['light']:.1f}",
@@ -69,12 +78,13 @@ def unmarked_table(stage: UnmarkedStage) -> Table:
             str(row["surprised"]),
             f"{row['gain']:.3f}",
             f"{row['judged_px']:.0f}",
+            f"{row['judged_arm_px']:.0f}",
             f"{row['chi_square'] / 3.0:.2f}",
         ]
         for row in unmarked_document(stage)["lights"]
         if row["looks"]
     ]
-    return Table("Stage 4: an unmarked head and chest in the mirror", headings, rows, "\n")
+    return Table("Stage 4: the unmarked body in the mirror", headings, rows, "\n")
 
 
 def paints_table(stage: UnmarkedStage) -> Table:

@@ -237,6 +237,23 @@ class Camera:
         distorted = self._distorted(_points(pixels, 2, "pixels"))
         return np.moveaxis(self._lens.undistort(distorted), 0, -1)
 
+    def at_depth(self, pixels: ArrayLike, depth: ArrayLike) -> NDArray:
+        """Return the points in the world that pixels show.
+
+        Args:
+            pixels: Shape (N, 2).
+            depth: Of each, along the optical axis [m]. Shape (N,).
+
+        Returns:
+            Shape (N, 3).
+
+        Raises:
+            ModelError: If a pixel lies outside the radius where the distortion is monotone.
+        """
+        ideal = self.undistort(np.asarray(pixels, dtype=float))
+        p_CQ = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1)
+        return apply(self.X_WC, p_CQ * np.asarray(depth, dtype=float)[:, None])
+
     def directions(self, pixels: ArrayLike) -> NDArray:
         """Return unit vectors along the lines of sight in the camera's own frame.
 

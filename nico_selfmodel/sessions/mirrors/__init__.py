@@ -1,1 +1,1 @@
-"""Sessions before mirrors: the hand in them, how the body stands, marks on it."""
+"""Sessions before mirrors: the hand in them, acquaintance with the own body, its shape."""

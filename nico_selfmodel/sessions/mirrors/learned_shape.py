@@ -27,8 +27,8 @@ from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.shape.link_shape import BodyShape, LinkShape
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
-from nico_selfmodel.sessions.mirrors.before_pictures import mirrors_and_cameras
-from nico_selfmodel.sessions.mirrors.known_body import Shot
+from nico_selfmodel.sessions.looks.before_pictures import mirrors_and_cameras
+from nico_selfmodel.sessions.looks.known_body import Shot
 from nico_selfmodel.sessions.mirrors.shape_looks import FEWEST_MIRRORS, ShapeLooks
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.vision.images.body_outline import (

@@ -17,8 +17,8 @@ from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.recording.recorded_samples import IMAGES, POSE
-from nico_selfmodel.sessions.mirrors.expecting import Expecting, MirrorLook, Unknown
-from nico_selfmodel.sessions.mirrors.known_body import Shot, know_body
+from nico_selfmodel.sessions.looks.expecting import Expecting, MirrorLook, Unknown
+from nico_selfmodel.sessions.looks.known_body import Shot, know_body
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.vision.images.image_file import read_image
 from nico_selfmodel.vision.images.motion_mask import picture_noise

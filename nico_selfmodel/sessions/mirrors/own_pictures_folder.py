@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from nico_selfmodel.files.whole import folder_written_whole
-from nico_selfmodel.sessions.mirrors.expecting import MirrorLook
+from nico_selfmodel.sessions.looks.expecting import MirrorLook
 from nico_selfmodel.sessions.mirrors.own_pictures import OwnLook
 from nico_selfmodel.viz.figures.mirror_test.surprise_plot import surprise_plot
 from nico_selfmodel.viz.figures.plot_style import image_bytes

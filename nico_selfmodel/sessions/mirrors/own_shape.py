@@ -10,6 +10,7 @@ from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 from nico_selfmodel.plant.link_surfaces import LinkSurface
 from nico_selfmodel.sessions.camera_scenario import ArmScenario
+from nico_selfmodel.sessions.looks.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.mirrors.acquaintance import Acquainted, learn_six_joints, rendered
 from nico_selfmodel.sessions.mirrors.knowing import (
     LINKS,
@@ -21,7 +22,6 @@ from nico_selfmodel.sessions.mirrors.knowing import (
     with_mirrors,
 )
 from nico_selfmodel.sessions.mirrors.learned_shape import LearnedShape, Skeleton, learn_shape
-from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR, MirrorScenario
 from nico_selfmodel.sessions.mirrors.shape_looks import (
     ShapeLooks,

@@ -16,8 +16,8 @@ from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import refuse_unknown
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 from nico_selfmodel.recording.recorded_samples import POSE
-from nico_selfmodel.sessions.mirrors.expecting import Expecting, Unknown
-from nico_selfmodel.sessions.mirrors.known_body import Shot, know_body
+from nico_selfmodel.sessions.looks.expecting import Expecting, Unknown
+from nico_selfmodel.sessions.looks.known_body import Shot, know_body
 from nico_selfmodel.sessions.mirrors.learned_shape import LearnedShape, Skeleton, learn_shape
 from nico_selfmodel.sessions.mirrors.own_pictures import (
     described,

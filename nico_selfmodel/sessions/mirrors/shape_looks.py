@@ -14,8 +14,8 @@ from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import reflected_projection
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.sessions.mirrors.known_body import Shot
-from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
+from nico_selfmodel.sessions.looks.known_body import Shot
+from nico_selfmodel.sessions.looks.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.sessions.rendered_nico import RenderedNico

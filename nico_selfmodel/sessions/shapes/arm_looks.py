@@ -14,8 +14,8 @@ from nico_selfmodel.estimation.observations.matching import reading_columns
 from nico_selfmodel.geometry.rotation import rotation_vectors_of
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.recording.recorded_samples import IMAGES, POSE
-from nico_selfmodel.sessions.mirrors.expecting import POINT_SIGMA
-from nico_selfmodel.sessions.mirrors.known_body import Shot
+from nico_selfmodel.sessions.looks.expecting import POINT_SIGMA
+from nico_selfmodel.sessions.looks.known_body import Shot
 from nico_selfmodel.sessions.mirrors.own_pictures import picture_noises, pictures_of
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.vision.surprise.surprise import about_the_loose

@@ -21,12 +21,12 @@ from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.shape.link_shape import BodyShape
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
-from nico_selfmodel.sessions.mirrors.before_pictures import loose_cameras
+from nico_selfmodel.sessions.looks.before_pictures import loose_cameras
+from nico_selfmodel.sessions.looks.card import Card, card_of
 from nico_selfmodel.sessions.mirrors.learned_shape import links_of, refined
 from nico_selfmodel.sessions.mirrors.own_pictures import described
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.sessions.shapes.arm_looks import FEWEST_LOOKS, ArmLook, ArmLooks
-from nico_selfmodel.sessions.shapes.card import Card, card_of
 from nico_selfmodel.sessions.shapes.rigid_body import RigidBody
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.vision.images.body_outline import beyond_body, plain_color

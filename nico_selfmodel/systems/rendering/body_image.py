@@ -115,7 +115,8 @@ class BodyImage(Closable, LeafSystem):
         self._painted = painted(scene, self._built)
         self.paints = tell_apart(scene, self._built, self._painted, self._stride)
         """Red, green and blue of all paints by the description, of 1. Shape (K, 3)."""
-        self._colors = self.paints
+        self.colors = self.paints
+        """The same as they were learned. Shape (K, 3)."""
         self.paint_sigma = np.zeros(len(self.paints))
         """What each is not known by, as a share. Shape (K,)."""
         add_renderer(scene, glare=True, R_WR=self._R_WR)
@@ -229,11 +230,11 @@ class BodyImage(Closable, LeafSystem):
                 f"colors must be from 0 to 1, got {colors.min():g} to {colors.max():g}"
             )
         self.paint_sigma = frozen_array(sigma, (len(colors),), "sigma")
-        if np.array_equal(colors, self._colors):
+        if np.array_equal(colors, self.colors):
             return
         self._last = [None, None]
-        self._colors = colors
-        each = zip(self.paints.tolist(), self._colors.tolist(), strict=True)
+        self.colors = colors
+        each = zip(self.paints.tolist(), self.colors.tolist(), strict=True)
         new = {(*old,): (*one,) for old, one in each}
         context: Any = self.__scene.GetMyMutableContextFromRoot(self.__context)
         repaint(self.__scene, self._built, self._painted, new, context)

@@ -16,6 +16,9 @@ _PLACE = np.ones((3, 3), np.uint8)
 _MIXED = 0.15
 """What colours of an edge mix otherwise by than the expectation's, as a share of what V makes of
 them; set on robots 900 and 950."""
+_SATURATED = 200.0
+"""A mirror in dim light throws back no less of what is as bright as a pixel can be [grey levels]: a
+picture of a dark room is not one of a body that is as dark."""
 _GAIN_STEPS = 5
 """Times the gain is estimated anew without what does not follow it."""
 _CERTAIN = 2.5
@@ -284,7 +287,9 @@ def held_against(
     alike = gain**2 * covariance
     edge = _MIXED**2 / 3.0 * np.einsum("nii->n", alike)[:, None]
     alike[:, range(3), range(3)] += edge + np.square(share * gain * mean)
-    return judged, seen - gain * mean, alike, noise, gain
+    # Nothing is brighter than a pixel can be, or what a mirror throws back of that.
+    brightest = max(_SATURATED, float(cv2.blur(picture, _PLACE.shape)[judged].max()))
+    return judged, seen - np.minimum(gain * mean, brightest), alike, noise, gain
 
 
 def away_from_the_unknown(pixel_sigma: NDArray) -> NDArray:

@@ -1,6 +1,7 @@
 """The card of a marker on a hand: where it ends, a surface jumps, and the robot knows where."""
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +59,13 @@ class Card:
         p_CQ = apply(inverse(self.X_FC), p_FQ)
         outside = np.abs(p_CQ[:, :2]).max(axis=1) - self.half
         return (np.abs(outside) < _BESIDE) & (np.abs(p_CQ[:, 2]) < _BELOW)
+
+    @property
+    def block(self) -> NDArray:
+        """Corners of what is on the card, or next to it [m]. Shape (8, 3)."""
+        side = self.half + _BESIDE
+        corners = np.array(list(product((-side, side), (-side, side), (-_BELOW, _BESIDE))))
+        return apply(self.X_FC, corners)
 
 
 def card_of(model: SelfModel, readings: NDArray, X_WF: NDArray) -> Card | None:

@@ -1,6 +1,6 @@
 """Looking into a mirror at oneself, and what of it was not expected."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,95 +9,44 @@ from numpy.typing import NDArray
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.sessions.mirrors.expecting import (
-    MOST_UNLIKE,
-    POINT_SIGMA,
+from nico_selfmodel.sessions.looks.expecting import (
     Expecting,
     MirrorLook,
     Unknown,
+    unlike_share,
 )
-from nico_selfmodel.sessions.mirrors.known_body import Shot
+from nico_selfmodel.sessions.looks.known_body import KnownBody, Shot
+from nico_selfmodel.sessions.looks.least_unknown import COLOR_SIGMA, POINTS, Told, least_unknown
+from nico_selfmodel.sessions.looks.seen_arm import SeenArm, see_arm
 from nico_selfmodel.systems.closing import trim_memory
 from nico_selfmodel.systems.rendering.body_image import BodyImage, ExpectedPicture
 from nico_selfmodel.systems.rendering.mirror_scene import put_mirror
 from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
 from nico_selfmodel.vision.images.motion_mask import picture_noise
-from nico_selfmodel.vision.surprise.blobs import threshold_of
+from nico_selfmodel.vision.surprise.blobs import FALSE_ALARM, threshold_of
 from nico_selfmodel.vision.surprise.seen_places import WEAK
 from nico_selfmodel.vision.surprise.surprise import (
     Surprise,
-    about_the_loose,
     as_before,
     log_likelihood,
     surprise,
 )
 
-COLOR_SIGMA = 0.01
-"""What colours are not known by once the body has been looked at, as a share of the grey level; set
-on robots 0 and 1."""
 PAINT = 2e-4
 """How thick paint may be that moves an outline it lies on [m]."""
-COLORS = (COLOR_SIGMA, 0.02, 0.04, 0.08)
-"""What colours and light of a link may turn out not to be known by, as a share."""
-POINTS = (2.5e-4, 3.5e-4, 5e-4, 7e-4, 1e-3, 1.4e-3, 2e-3, POINT_SIGMA)
-"""What places of a link may turn out not to be known by [m]."""
-_STRANGE_SIGMA = 0.8
-"""Of where what is strange is seen, so that nothing within 3 px of it is judged [px]."""
+_ELSEWHERE = 0.05
+"""Share of an arm that looks otherwise than expected where it stands elsewhere than it was seen."""
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
-    """What looks at the unmarked body tell of each of `POINTS`, at one share of `COLORS`."""
+class _Seen:
+    """One camera's look at an unmarked body."""
 
-    likely: NDArray
-    """Mean log likelihood of the pixels of each link. Shape (P, L)."""
-    share: NDArray
-    """Of its places those that are even weakly surprising. Shape (P, L)."""
-    strange: NDArray
-    """Number of the link that is so in each pixel of left and right picture, -1 where none is.
-    Shape (P, 2, h, w)."""
-    links: Mapping[str, int]
-    """Those that are judged, and which of L they are."""
-
-
-def least_unknown(told: Callable[[float], Told]) -> Unknown:
-    """Return how far each link looks otherwise than expected.
-
-    Of several sigmas of its place those count that leave next to nothing of the link even weakly
-    surprising, for what is wrong there is wrong in every look, and noise adds to it; of them the
-    likeliest. What is left is strange: a crack that is seen into, which tells of itself and not of
-    the link. Where no sigma does its colours are known less, by as little as leaves one: the light
-    stands in the room, and is taken to stand with the robot, which may be turned there by some
-    degrees. Where that leaves none the largest counts of its place.
-
-    Args:
-        told: What looks tell where colours are known to a share; asked for more as needed.
-    """
-    points: dict[str, float] = {}
-    colors: dict[str, float] = {}
-    likeliest: dict[str, float] = {}
-    strange: list[NDArray] = []
-    for color in COLORS:
-        found = told(color)
-        calm = np.where(found.share > MOST_UNLIKE, -np.inf, found.likely)
-        for name, k in found.links.items():
-            likeliest.setdefault(name, POINTS[int(np.argmax(found.likely[:, k]))])
-            if name not in points and np.isfinite(calm[:, k]).any():
-                best = int(np.argmax(calm[:, k]))
-                points[name], colors[name] = POINTS[best], color
-                strange.append(found.strange[best] == k)
-        if found.links.keys() <= points.keys():
-            break
-    less = {name: color for name, color in colors.items() if color > COLOR_SIGMA}
-    about = None if not strange else _about(np.any(strange, axis=0))
-    return Unknown(points, POINT_SIGMA, likeliest, COLOR_SIGMA, less, about)
-
-
-def _about(strange: NDArray) -> tuple[NDArray, NDArray]:
-    """Return what lies about strange places of left and right picture. Shape (h, w) each."""
-    left, right = (about_the_loose(np.where(one, _STRANGE_SIGMA, np.nan)) for one in strange)
-    return left, right
+    side: int
+    picture: NDArray
+    expected: ExpectedPicture
+    arm: SeenArm | None
 
 
 class MirrorLooks:
@@ -125,6 +74,7 @@ class MirrorLooks:
         self._station, self._image, self._rig, self._mirror = station, image, model.rig, mirror
         self.unknown = unknown or Unknown()
         """What body and colours are not known by."""
+        self._known: tuple[KnownBody, str] | None = None
         self.body = StationBody(station, station.joints, station.tracked)
         """What moves the robot."""
         put_mirror(station, self.body.context, X_BM)
@@ -140,8 +90,20 @@ class MirrorLooks:
         Args:
             X_BM: Where the glass really stands, in the frame of the arm's base. Shape (4, 4).
         """
-        self._mirror = mirror
+        self._mirror, self._known = mirror, None
         put_mirror(self._station, self.body.context, X_BM)
+
+    def before_known(self, name: str, known: KnownBody, unknown: Unknown, X_BM: NDArray) -> None:
+        """Have a mirror before the robot in which it knows how it stands: it sees its arm, too.
+
+        Args:
+            name: Which mirror.
+            known: How the body stands before it, as the image does.
+            unknown: What body and colours are not known by in it.
+            X_BM: Where the glass really stands, in the frame of the arm's base. Shape (4, 4).
+        """
+        self.before(known.mirror(name), X_BM)
+        self.unknown, self._known = unknown, (known, name)
 
     def room(self) -> NDArray:
         """Put the mirror away and return what the left camera sees, BGR. Shape (h, w, 3)."""
@@ -161,8 +123,9 @@ class MirrorLooks:
     def look(self, command: NDArray) -> tuple[MirrorLook, MirrorLook]:
         """Go to a pose and look.
 
-        The moving arm is not judged, nor what it covers: its joints are loose by more than its
-        outline may be off.
+        The moving arm is judged as it is seen to stand (`see_arm`), before a mirror in which it is
+        known how the body stands. Before others it is not, nor what it covers: its joints are loose
+        by more than its outline may be off.
 
         Args:
             command: Where to go [encoder units]. Shape (n,).
@@ -178,12 +141,29 @@ class MirrorLooks:
 
     def judge(self) -> tuple[MirrorLook, MirrorLook]:
         """Look from where the robot stands; returns and raises as `look`."""
-        readings, expecting = self._readings(), self._expecting()
+        readings, pictures = self._readings(), self._pictures()
+        arm = self._arm(readings, pictures)
+        pair = self._judged(readings, pictures, arm)
+        if arm is not None and unlike_share(pair, self._image.moving) > _ELSEWHERE:
+            return self._judged(readings, pictures, None)
+        return pair
+
+    def _judged(
+        self, readings: NDArray, pictures: Sequence[NDArray], arm: SeenArm | None
+    ) -> tuple[MirrorLook, MirrorLook]:
+        """Hold pictures of one look against what is expected, with an arm that was seen or not."""
+        expecting = self._expecting()
         left, right = (
-            expecting.judged(side, picture, readings)
-            for side, picture in enumerate(self._pictures())
+            expecting.judged(side, picture, readings, arm) for side, picture in enumerate(pictures)
         )
         return left, right
+
+    def _arm(self, readings: NDArray, pictures: Sequence[NDArray]) -> SeenArm | None:
+        """Return how the arm stands in pictures of one look, if that can be told."""
+        if self._known is None:
+            return None
+        known, name = self._known
+        return see_arm(self._image, known, Shot(name, readings, (pictures[0], pictures[1])))
 
     def judged_at(self, readings: NDArray) -> tuple[NDArray, NDArray]:
         """Return which pixels of left and right picture would be judged, without a look.
@@ -278,37 +258,44 @@ class MirrorLooks:
         self.unknown = least_unknown(lambda color: self._told(looks, color))
         return self.unknown
 
-    def _seen_at(self, command: NDArray) -> list[tuple[int, NDArray, ExpectedPicture]]:
-        """Go to a pose, and return each side with what it saw and what is expected there."""
+    def _seen_at(self, command: NDArray) -> list[_Seen]:
+        """Go to a pose, and return what each side saw, and what is expected there."""
         self.body.relive(command)
-        readings = self._readings()
+        readings, pictures = self._readings(), self._pictures()
+        arm = self._arm(readings, pictures)
+        readings = readings if arm is None else arm.readings
         return [
-            (side, picture, self._image.expect(readings, self._mirror, side))
-            for side, picture in enumerate(self._pictures())
+            _Seen(side, picture, self._image.expect(readings, self._mirror, side), arm)
+            for side, picture in enumerate(pictures)
         ]
 
-    def _told(self, looks: Sequence[tuple[int, NDArray, ExpectedPicture]], color: float) -> Told:
+    def _told(self, looks: Sequence[_Seen], color: float) -> Told:
         """Return what looks tell of each of `POINTS`, with colours known to a share."""
         shape = len(POINTS), max(self._image.links) + 1
-        likely, counts, places = np.zeros(shape), np.zeros(shape), np.zeros((2, *shape))
-        strange = np.full((len(POINTS), len(SIDES), *looks[0][2].labels.shape), -1, np.int16)
-        for side, picture, seen in looks:
+        likely, counts, places = np.zeros(shape), np.zeros(shape), np.zeros((3, *shape))
+        strange = np.full((len(POINTS), len(SIDES), *looks[0].expected.labels.shape), -1, np.int16)
+        for look in looks:
+            labels = look.expected.labels
             for k, point in enumerate(POINTS):
                 unknown = Unknown({}, point, {}, color)
-                expected = self._expecting(unknown).expected(side, seen)
-                each = log_likelihood(picture, expected)
-                own = seen.labels[np.isfinite(each)]
+                expected = self._expecting(unknown).expected(look.side, look.expected, look.arm)
+                each = log_likelihood(look.picture, expected)
+                own = labels[np.isfinite(each)]
                 likely[k] += np.bincount(own, each[np.isfinite(each)], shape[1])
                 counts[k] += np.bincount(own, minlength=shape[1])
-                chi_square = surprise(picture, expected).chi_square
-                judged = np.isfinite(chi_square)
-                above = np.nan_to_num(chi_square) > threshold_of(int(judged.sum()), WEAK)
-                for found, which in zip(places, (above, judged), strict=True):
-                    found[k] += np.bincount(seen.labels[which], minlength=shape[1])
-                strange[k, side][above] = seen.labels[above]
+                chi_square = surprise(look.picture, expected).chi_square
+                judged, filled = np.isfinite(chi_square), np.nan_to_num(chi_square)
+                above, alarms = (
+                    filled > threshold_of(int(judged.sum()), rate) for rate in (WEAK, FALSE_ALARM)
+                )
+                for found, which in zip(places, (above, judged, alarms), strict=True):
+                    found[k] += np.bincount(labels[which], minlength=shape[1])
+                strange[k, look.side][above] = labels[above]
         links = {name: k for k, name in self._image.links.items() if counts[0, k]}
         share = places[0] / np.maximum(places[1], 1.0)
-        return Told(likely / np.maximum(counts, 1.0), share, strange, links)
+        moving = frozenset(self._image.links[number] for number in self._image.moving)
+        each = np.where(counts > 0.0, likely / np.maximum(counts, 1.0), -np.inf)
+        return Told(each, share, strange, links, places[2], moving)
 
     def unlike(self, commands: Sequence[NDArray], links: Collection[str]) -> float:
         """Return which share of some links of the unmarked body does not look as expected.

@@ -21,8 +21,9 @@ from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.sessions.mirrors.before_pictures import before_pictures, with_cameras
+from nico_selfmodel.sessions.looks.before_pictures import before_pictures, with_cameras
 from nico_selfmodel.systems.rendering.body_image import NOTHING, BodyImage
+from nico_selfmodel.vision.images.body_in_room import before_room
 from nico_selfmodel.vision.images.image_array import bgr_of_rgba, smoothed
 from nico_selfmodel.vision.images.whose_edge import whose_edge
 from nico_selfmodel.vision.surprise.surprise import away_from_the_unknown
@@ -256,6 +257,7 @@ def aligned_view(
     motions: Sequence[tuple[BodyMotion, frozenset[str]]],
     *,
     arm: bool = False,
+    smooth: float = _SMOOTH,
     by_light: NDArray | None = None,
 ) -> AlignedView:
     """Hold one picture beside what is expected at a shot's readings.
@@ -267,25 +269,33 @@ def aligned_view(
         side: The camera, 0 or 1.
         motions: How a part may stand elsewhere, and the links that each of it moves.
         arm: Whether the moving arm tells that, before the body, or the body where no arm may be.
+        smooth: What both are smoothed by [px].
         by_light: What turned light changes, if that is asked for. Shape (h, w, 3, 3).
     """
     mirror = known.model.mirrors[shot.mirror]
     seen = image.expect(shot.readings, mirror, side)
-    sigma = reflection_sigma(known.model.rig, mirror, side, seen.depth, _POINT_SIGMA)
-    hidden = [NOTHING] if arm else [NOTHING, *image.moving]
-    sigma = away_from_the_unknown(np.where(np.isin(seen.labels, hidden), np.nan, sigma))
-    numbers = {name: number for number, name in image.links.items()}
+    moving = np.isin(seen.labels, [*image.moving])
+    depth = np.where(moving, seen.depth, np.inf) if arm else seen.depth
+    sigma = reflection_sigma(known.model.rig, mirror, side, depth, _POINT_SIGMA)
     owner = whose_edge(seen.depth)
     labels = seen.labels.ravel()[owner]
+    expected, picture = bgr_of_rgba(seen.color), shot.pictures[side]
+    if arm:
+        used = np.isfinite(sigma.ravel()[owner])
+        expected = before_room(expected, picture, seen.labels != NOTHING, used)
+    else:
+        hidden = [NOTHING, *image.moving]
+        sigma = away_from_the_unknown(np.where(np.isin(seen.labels, hidden), np.nan, sigma))
+        used = np.isfinite(sigma)
+    numbers = {name: number for number, name in image.links.items()}
     moved = [np.isin(labels, [numbers[link] for link in links]) for _, links in motions]
-    used = np.isfinite(sigma)
     return AlignedView(
         side,
         known.mirrors.index(shot.mirror),
-        smoothed(shot.pictures[side], _SMOOTH),
-        smoothed(bgr_of_rgba(seen.color), _SMOOTH),
+        smoothed(picture, smooth),
+        smoothed(expected, smooth),
         seen.depth.ravel()[owner],
-        used & np.isin(labels, [*image.moving]) if arm else used,
+        used,
         np.array(moved),
         by_light,
         seen.paints,

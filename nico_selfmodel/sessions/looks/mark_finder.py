@@ -19,19 +19,19 @@ from nico_selfmodel.estimation.mirrors.mark_place import (
     spot_of,
 )
 from nico_selfmodel.estimation.mirrors.other_sight import nearest_depth, other_sights
-from nico_selfmodel.estimation.mirrors.painted_disc import SurfacePixels, light_of, painted_disc
+from nico_selfmodel.estimation.mirrors.painted_disc import painted_disc
 from nico_selfmodel.estimation.mirrors.surface_evidence import (
     SurfaceView,
-    on_links,
+    plainly_shown,
     surprising_together,
 )
-from nico_selfmodel.geometry.solids.solid import Solid, distance_to_solids, onto_solids
-from nico_selfmodel.geometry.transform import apply, inverse
+from nico_selfmodel.geometry.solids.solid import Solid
+from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
-from nico_selfmodel.plant.link_surfaces import LinkSurface
-from nico_selfmodel.sessions.mirrors.expecting import MirrorLook, Unknown
-from nico_selfmodel.sessions.mirrors.known_body import KnownBody
-from nico_selfmodel.sessions.mirrors.mirror_looks import PAINT
+from nico_selfmodel.sessions.looks.expecting import MirrorLook, Unknown
+from nico_selfmodel.sessions.looks.known_body import KnownBody
+from nico_selfmodel.sessions.looks.mirror_looks import PAINT
+from nico_selfmodel.sessions.looks.surface_pixels import surface_pixels
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.vision.surprise.blobs import FALSE_ALARM, Blob, threshold_of
 from nico_selfmodel.vision.surprise.seen_places import (
@@ -41,7 +41,7 @@ from nico_selfmodel.vision.surprise.seen_places import (
     seen_places,
     spots_at,
 )
-from nico_selfmodel.vision.surprise.spot_middle import Middle, middle_of, pixels_about
+from nico_selfmodel.vision.surprise.spot_middle import Middle, middle_of
 from nico_selfmodel.vision.surprise.surprise import Surprise
 
 PIXEL_SIGMA, LENS_SIGMA = 0.08, 0.07
@@ -51,11 +51,9 @@ all, as where the learned body is seen; set on robots 900 and 950 [px]."""
 DISC_SIGMA = 0.03
 """What the disc of paint in each picture is not known by by itself, besides its fit; set on robot
 1846 [px]."""
-_ASIDE, _BACK = 1e-4, 5e-3
-"""How far beside a place it is asked how pixels move, and how far before what is rendered its
-surface is looked for [m]."""
-_ABOUT = 6.0
-"""Radius of a mark, about which is looked for more of it [px]."""
+ARM_SIGMA = 3e-4
+"""What places of a link that moves are not known by besides, each coordinate: where the learned arm
+has that link's frame, and how it was seen to stand; set on robots 1893 and 1894 [m]."""
 
 Pair = tuple[MirrorLook, MirrorLook]
 Told = list[tuple[Spot, bool]]
@@ -128,13 +126,13 @@ class MarkFinder:
                 Surprise(own.places_beside(rest), own.gain)
                 for own, rest in zip(seen, changes, strict=True)
             ]
-        others = ((looks[1], [look.surprise for look in looks[1]]), (looks[0], seen))
-        for spots, (pair, judged), name in zip((first, second), others, names[::-1], strict=True):
+        others = ((views[2:], [look.surprise for look in looks[1]]), (views[:2], seen))
+        for spots, (other, judged) in zip((first, second), others, strict=True):
             found += [
                 _on_me(p, (spot,))
                 for spot, strong in spots
                 if (p := spot.place) is not None and strong and id(spot) not in known
-                and self._unrefuted(p, name, pair, judged)
+                and self._unrefuted(p, other, judged)
             ]  # fmt: skip
         found = [self._middled(one, views, [*looks[0], *looks[1]], rest) for one in found]
         for kind in (ON_GLASS, NOT_ON_ME):
@@ -151,7 +149,7 @@ class MarkFinder:
         looks: Sequence[Pair],
         changes: Sequence[Surprise | None] = (None, None, None, None),
     ) -> list[SurfaceView]:
-        """Return all pictures as views of the own surface, but for the arm that moves.
+        """Return all pictures as views of the own surface, but for an arm that was not seen.
 
         What lies at an outline, where the expected body does not judge, has changed or not.
         """
@@ -159,7 +157,8 @@ class MarkFinder:
         for name, pair in zip(names, looks, strict=True):
             rig = MirrorRig(self._known.model.rig, self._known.mirror(name))
             posed, image = self._image.poses(pair[0].readings), self._image
-            poses = {k: posed[link] for k, link in image.links.items() if k not in image.moving}
+            hidden = image.moving if pair[0].arm is None else ()
+            poses = {k: posed[link] for k, link in image.links.items() if k not in hidden}
             for side, look in enumerate(pair):
                 change = next(rest)
                 own = look.surprise if change is None else look.surprise.beside(change)
@@ -198,9 +197,9 @@ class MarkFinder:
         assert found.link is not None
         assert found.p_FM is not None
         surface = self._image.surfaces[found.link]
-        (number,) = (k for k, name in self._image.links.items() if name == found.link)
+        number = self._number(found.link)
         each = [
-            _about(found.p_FM, number, surface, *one)
+            surface_pixels(found.p_FM, number, surface, *one)
             for one in zip(views, looks, changes, strict=True)
         ]
         p_FM, own = painted_disc(
@@ -210,24 +209,32 @@ class MarkFinder:
             DISC_SIGMA,
             PAINT,
         )
-        common = [spot.place.common for spot in found.spots if spot.place is not None]
-        return replace(found, p_FM=p_FM, covariance=own + np.mean(common, axis=0))
+        places = [spot.place for spot in found.spots if spot.place is not None]
+        common = np.mean([place.common for place in places], axis=0)
+        loose = np.mean([place.loose for place in places], axis=0) / len(places)
+        return replace(found, p_FM=p_FM, covariance=own + common + loose)
+
+    def _number(self, link: str) -> int:
+        (number,) = (k for k, name in self._image.links.items() if name == link)
+        return number
 
     def _unrefuted(
-        self, place: LinkPlace, name: str, pair: Pair, surprises: Sequence[Surprise]
+        self, place: LinkPlace, views: Sequence[SurfaceView], surprises: Sequence[Surprise]
     ) -> bool:
         """Return whether another look does not tell against a mark that it does not find.
 
-        It does not where a camera cannot judge where the mark should be seen; nor where one camera
-        sees something there beyond chance, and the other, which sees it from the side or against a
-        colour that it is like, judges where it should see it on the glass, and shows nothing there.
+        It does not where a camera cannot judge where the mark should be seen, or sees it from the
+        side or something else there, as where an arm has turned that side of it away; nor where one
+        camera sees something there beyond chance, and the other, which sees it from the side or
+        against a colour that it is like, judges where it should see it on the glass, and shows
+        nothing there.
         """
-        X_WF = self._image.poses(pair[0].readings)[place.link]
-        rig = MirrorRig(self._known.model.rig, self._known.mirror(name))
-        pixels = rig.project(apply(X_WF, place.p_FM[None])[0])
-        if not np.isfinite(pixels).all():
+        rig, label = views[0].rig, self._number(place.link)
+        (n_F,) = self._image.surfaces[place.link].normals(place.p_FM[None])
+        if not all(plainly_shown(view, label, place.p_FM, n_F) for view in views):
             return True
-        at = pixels.reshape(2, 2).tolist()
+        X_WF = views[0].poses[label]
+        at = rig.project(apply(X_WF, place.p_FM[None])[0]).reshape(2, 2).tolist()
         if not all(all_judged(one, u, v) for one, (u, v) in zip(surprises, at, strict=True)):
             return True
         for side, (u, v) in enumerate(at):
@@ -251,7 +258,7 @@ class MarkFinder:
         of the body in one each has some hundred that it may be in the other.
         """
         mirror, rig = self._known.model.mirrors[name], self._known.model.rig
-        body = self._body(name, pair[0].readings)
+        body = self._body(name, pair[0])
         rest = (None, None) if changes is None else changes
         shown = [view.judged for view in views]
         sights = self._sights(name, pair, rest, together, shown)
@@ -318,21 +325,25 @@ class MarkFinder:
             for look, one in zip(pair, (a, b), strict=True)
         )
 
-    def _body(self, name: str, readings: NDArray) -> PosedBody:
-        """Return the body as it is expected to stand, but for the arm."""
-        image, known = self._image, self._known
-        moving = {image.links[number] for number in image.moving}
-        poses = {k: X for k, X in image.poses(readings).items() if k not in moving}
+    def _body(self, name: str, look: MirrorLook) -> PosedBody:
+        """Return the body as it is expected to stand, but for an arm that was not seen."""
+        image, known, arm = self._image, self._known, look.arm
+        hidden = {image.links[number] for number in image.moving} if arm is None else set()
+        poses = {k: X for k, X in image.poses(look.readings).items() if k not in hidden}
         solids, links = [], []
         for link, X_WF in poses.items():
             own = image.surfaces[link].solids if link in image.surfaces else ()
             solids += [Solid(one.kind, one.size, X_WF @ one.X_FS) for one in own]
             links += [link] * len(own)
         place_sigma = {link: self._unknown[name].place_sigma(link) for link in poses}
+        if arm is not None:
+            place_sigma |= dict.fromkeys((image.links[k] for k in image.moving), ARM_SIGMA)
         m = 3 * known.mirrors.index(name)
         rows = [*range(m, m + 3), *range(3 * len(known.mirrors), len(known.covariance))]
         covariance = known.covariance[np.ix_(rows, rows)]
-        return PosedBody(solids, links, poses, known.motions(image), covariance, place_sigma)
+        loose = ((), np.zeros((0, 0))) if arm is None else (arm.motions, arm.covariance)
+        ways = known.motions(image)
+        return PosedBody(solids, links, poses, ways, covariance, place_sigma, *loose)
 
 
 def _of(spots: Told, kind: str) -> list[Spot]:
@@ -345,41 +356,3 @@ def _together_bound(places: int, freedom: int) -> float:
 
 def _on_me(place: LinkPlace, spots: tuple[Spot, ...]) -> Finding:
     return Finding(ON_ME, place.link, place.p_FM, place.own + place.common, spots)
-
-
-def _about(
-    p_FM: NDArray,
-    number: int,
-    surface: LinkSurface,
-    view: SurfaceView,
-    look: MirrorLook,
-    change: Surprise | None,
-) -> SurfacePixels | None:
-    """Return a picture's pixels about a place of a link; None where hardly any is judged."""
-    X_WF = view.poses[number]
-    near = apply(X_WF, p_FM + _ASIDE * np.vstack([np.zeros(3), np.eye(3)]))
-    pixels = view.rig.project(near)[:, 2 * view.side : 2 * view.side + 2]
-    parts = [look.surprise] if change is None else [look.surprise, change]
-    if not np.isfinite(pixels).all():
-        return None
-    u, v = float(pixels[0, 0]), float(pixels[0, 1])
-    seen = pixels_about(u, v, _ABOUT, look.picture, parts)
-    if seen is None:
-        return None
-    columns, rows = seen.at.astype(int).T
-    own = view.labels[rows, columns] == number
-    p_FQ, colors = np.full((2, len(own), 3), np.nan)
-    # What is rendered are polygons, that lie inside of the surface by up to half a millimetre.
-    shown = on_links(view, rows[own], columns[own])[1]
-    ways = shown - apply(inverse(X_WF), view.rig.virtual.cameras[view.side].X_WC[None, :3, 3])
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    p_FQ[own] = onto_solids(surface.solids, shown - _BACK * ways, ways)
-    own = np.isfinite(p_FQ).all(axis=1)
-    colors[own] = 255.0 * surface.colors[distance_to_solids(surface.solids, p_FQ[own])[1], ::-1]
-    light = light_of(seen.at, seen.under, colors)
-    p_FQ[np.isnan(light[:, 0])] = np.nan
-    by_place = (pixels[1:] - pixels[0]).T / _ASIDE
-    surprising = seen.chi_square > threshold_of(len(rows))
-    return SurfacePixels(
-        seen.at, p_FQ, seen.seen, seen.under, light, seen.inverse, by_place, surprising
-    )

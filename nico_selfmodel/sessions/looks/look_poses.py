@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
-from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
+from nico_selfmodel.sessions.looks.mirror_looks import MirrorLooks
 
 _CANDIDATES = 16
 """Postures that are drawn, free of collisions."""

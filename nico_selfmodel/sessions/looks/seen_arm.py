@@ -1,0 +1,161 @@
+"""Where the arm stands that a robot sees in a mirror, whatever its encoders say."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.arrays import read_only
+from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.estimation.mirrors.body_alignment import (
+    AlignedView,
+    BodyMotion,
+    alignment_step,
+)
+from nico_selfmodel.estimation.mirrors.reflection_sigma import LooseParts
+from nico_selfmodel.geometry.transform import apply, inverse
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
+from nico_selfmodel.optimization.chi_square import chi_square_tail
+from nico_selfmodel.sessions.looks.card import card_of
+from nico_selfmodel.sessions.looks.known_body import AREA, KnownBody, Shot, aligned_view
+from nico_selfmodel.systems.rendering.body_image import BodyImage
+from nico_selfmodel.vision.images.body_in_room import within_hulls
+
+LOOSE = np.radians(0.7)
+"""By what each joint may stand beside its encoder: joints of robots before mirrors are loose by
+0.6 deg, and slip by 1.2 deg once in eight postures [rad]."""
+_HELD = 1e-5
+"""What mirrors may be off by meanwhile: they are known, and the arm is asked for [rad, m]."""
+_SMOOTH, _STILL = (3.0, 1.0, 1.0, 1.0), 2e-3
+"""What pictures are smoothed by in each step of the search, coarse ones first, for a hand may be
+seen five pixels from where encoders have it [px]; and by what no joint turns any more in the last
+of them [rad]."""
+_SELDOM = 1e-3
+"""How seldom joints stand farther from their encoders than where they may be seen."""
+MARKER = 0.02
+"""How far from where a marker is mounted what is attached there may be [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class SeenArm:
+    """An arm as two pictures of one look show it."""
+
+    q: NDArray
+    """Angles of its joints [rad]. Shape (n,)."""
+    covariance: NDArray
+    """Of these. Shape (n, n)."""
+    readings: NDArray
+    """What encoders would read there [encoder units]. Shape (n,)."""
+    motions: Sequence[tuple[BodyMotion, frozenset[str]]]
+    """How each joint moves what is beyond it, and these links."""
+    attached: tuple[NDArray, NDArray]
+    """Pixels of the left and the right picture that may show what is attached to the hand, its card
+    and other markers, which is not as it is described. Shape (h, w) each."""
+    hand: frozenset[str]
+    """Links that the last joint moves."""
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        for name in ("q", "covariance", "readings"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    def loose(self, labels: NDArray, numbers: dict[str, int]) -> LooseParts:
+        """Return what its joints leave open of a picture.
+
+        Args:
+            labels: Number of the link that each pixel shows. Shape (h, w).
+            numbers: Of each link.
+        """
+        moved = [np.isin(labels, [numbers[link] for link in links]) for _, links in self.motions]
+        return LooseParts([motion for motion, _ in self.motions], np.array(moved), self.covariance)
+
+
+def see_arm(image: BodyImage, known: KnownBody, shot: Shot) -> SeenArm | None:
+    """Tell from a look into a mirror how the arm's joints stand.
+
+    Encoders say where joints are but for what is loose about them; all edges of the arm in the
+    mirror, in both pictures, say the rest (`estimation.mirrors.body_alignment`), those with the
+    room as it looks a little way beside them. The hand does not count: what is attached to it is
+    not as it is described, and fingers were seen to be farther off with it than without.
+
+    Args:
+        image: What the robot expects; it stands as is known.
+        known: How the body stands, and the mirrors.
+        shot: What both cameras saw in one of them, and the encoders' readings.
+
+    Returns:
+        None where the pictures hardly show the arm, or where joints as loose as these would stand
+        once in a thousand times.
+    """
+    servos, mirrors = known.model.servos, [known.model.mirrors[name] for name in known.mirrors]
+    start = servos.to_joint(shot.readings[None])[0]
+    n, q, covariance = 3 * len(mirrors), start, np.zeros((len(start), len(start)))
+    prior = np.diag([*(_HELD**2,) * n, *(LOOSE**2,) * len(q)])
+    for smooth in _SMOOTH:
+        now = _Standing.at(image, known, shot, q)
+        views = [now.view(side, smooth) for side in range(len(SIDES))]
+        before = np.concatenate([np.zeros(n), q - start]), prior
+        ways = [motion for motion, _ in now.motions]
+        try:
+            found = alignment_step(views, known.model.rig, mirrors, ways, before, AREA)
+        except EstimationError:
+            return None
+        q, covariance = q + found.change[n:], found.covariance[n:, n:]
+        if smooth == _SMOOTH[-1] and np.abs(found.change[n:]).max() < _STILL:
+            break
+    if chi_square_tail(float(np.sum((q - start) ** 2)) / LOOSE**2, len(q)) < _SELDOM:
+        return None
+    now = _Standing.at(image, known, shot, q)
+    left, right = (now.attached(side) for side in range(len(SIDES)))
+    return SeenArm(q, covariance, now.shot.readings, now.motions, (left, right), now.hand)
+
+
+@dataclass(frozen=True, eq=False)
+class _Standing:
+    """The arm as it may stand, beside what was seen."""
+
+    image: BodyImage
+    known: KnownBody
+    shot: Shot
+    """What was seen, at what encoders would read there."""
+    motions: Sequence[tuple[BodyMotion, frozenset[str]]]
+    hand: frozenset[str]
+    """Links that the last joint moves."""
+    poses: Mapping[str, NDArray]
+    """Link -> its pose. Shape (4, 4)."""
+
+    @classmethod
+    def at(cls, image: BodyImage, known: KnownBody, shot: Shot, q: NDArray) -> "_Standing":
+        """Let the arm stand at joint angles."""
+        now = replace(shot, readings=known.model.servos.to_encoder(q[None])[0])
+        poses = image.poses(now.readings)
+        joints = image.standing(image.joints)
+        motions = [(BodyMotion(joint.axis, joint.p_WJ), joint.links) for joint in joints]
+        return cls(image, known, now, motions, joints[-1].links, poses)
+
+    def view(self, side: int, smooth: float) -> AlignedView:
+        """Hold the arm in one picture beside what is expected, but for its hand."""
+        view = aligned_view(
+            self.known, self.image, self.shot, side, self.motions, arm=True, smooth=smooth
+        )
+        return replace(view, used=view.used & ~(self.attached(side) | view.moved[-1]))
+
+    def attached(self, side: int) -> NDArray:
+        """Return which pixels may show what is attached to the hand, or hides it. Shape (h, w)."""
+        known, readings = self.known, self.shot.readings
+        rig = MirrorRig(known.model.rig, known.mirror(self.shot.mirror))
+        shape = self.image.expect(readings, rig.mirror, side).labels.shape
+        blocks = []
+        # The marker was learned where the arm stands in a body that does not stand elsewhere.
+        card = card_of(known.model, readings, inverse(known.X_WB) @ self.poses[min(self.hand)])
+        if card is not None:
+            blocks.append(apply(self.poses[min(self.hand)], card.block))
+        ball = MARKER * np.array(list(product((-1.0, 1.0), repeat=3))) / np.sqrt(3.0)
+        blocks += [
+            self.poses[link][:3, 3] + ball for link in self.hand - self.image.surfaces.keys()
+        ]
+        own = slice(2 * side, 2 * side + 2)
+        return within_hulls([rig.project(block)[:, own] for block in blocks], shape)

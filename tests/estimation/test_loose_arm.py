@@ -1,0 +1,111 @@
+"""What loose joints of an arm leave open of where it is seen in a mirror, and of marks on it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.estimation.mirrors.body_alignment import BodyMotion
+from nico_selfmodel.estimation.mirrors.mark_place import ON_ME, MiddleSigma, PosedBody, spot_of
+from nico_selfmodel.estimation.mirrors.reflection_sigma import LooseParts, reflection_sigma
+from nico_selfmodel.geometry.reflection import reflect
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.solids.solid import Solid, onto_solids
+from nico_selfmodel.geometry.transform import apply, transform
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
+
+LEFT, RIGHT = (camera.at(np.eye(4)) for camera in NICO_CAMERAS.cameras)
+RIG = StereoRig(LEFT, RIGHT.at(transform(np.eye(3), [0.07, 0.0, 0.0])))
+MIRROR = Mirror.from_values([0.05, -0.1, 0.3])
+X_WA = transform(np.eye(3), [0.0, 0.16, -0.05])
+ELBOW = np.array([0.1, 0.3, -0.05])
+JOINTS = [
+    (BodyMotion(np.array([0.0, 0.0, 1.0]), ELBOW), frozenset({"arm"})),
+    (BodyMotion(np.array([1.0, 0.0, 0.0]), ELBOW), frozenset({"arm", "hand"})),
+]
+LOOSE = np.array([[1e-5, 4e-6], [4e-6, 2e-5]])
+"""Of the joints [rad^2]."""
+
+
+def turned(p_W, turns):
+    """Return where points are once both joints have turned."""
+    for (motion, _), turn in zip(JOINTS, turns, strict=True):
+        p_W = ELBOW + (p_W - ELBOW) @ rotation_from_vector(turn * motion.direction).T
+    return p_W
+
+
+def test_loose_joints_spread_a_reflection_as_is_said():
+    p_W = np.array([[0.02, 0.18, 0.0]])
+    rig, rng = MirrorRig(RIG, MIRROR), np.random.default_rng(3)
+    u, v = np.rint(rig.project(p_W)[0, :2]).astype(int)
+    depth = np.full((480, 640), np.inf)
+    depth[v, u] = apply(LEFT.X_CW, reflect(rig.plane, p_W))[0, 2]
+    moved = np.zeros((2, *depth.shape), dtype=bool)
+    moved[:, v, u] = True
+    motions = [motion for motion, _ in JOINTS]
+    sigma = reflection_sigma(RIG, MIRROR, 0, depth, 0.0, LooseParts(motions, moved, LOOSE))[v, u]
+    turns = rng.multivariate_normal(np.zeros(2), LOOSE, 1000)
+    pixels = np.array([rig.project(turned(p_W, turn))[0, :2] for turn in turns])
+    scatter = np.sqrt(0.5 * np.trace(np.cov(pixels.T)))
+    # Rounded up to a sixteenth of a pixel.
+    assert 0.93 * scatter < sigma < 1.07 * scatter + 0.0625
+    moved[1] = False
+    less = reflection_sigma(RIG, MIRROR, 0, depth, 0.0, LooseParts(motions, moved, LOOSE))[v, u]
+    assert less < sigma
+    moved[0] = False
+    none = reflection_sigma(RIG, MIRROR, 0, depth, 0.0, LooseParts(motions, moved, LOOSE))
+    assert np.array_equal(none, reflection_sigma(RIG, MIRROR, 0, depth, 0.0), equal_nan=True)
+
+
+def arm(loose=(), covariance=None):
+    """Return an arm that is a ball on loose joints."""
+    solid = Solid("ellipsoid", (0.06, 0.06, 0.06), X_WA)
+    return PosedBody(
+        [solid], ["arm"], {"arm": X_WA}, [], np.diag(np.full(3, 1e-12)), {"arm": 1e-5},
+        loose, np.zeros((0, 0)) if covariance is None else covariance,
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_mark_on_a_loose_arm_is_as_exactly_placed_as_is_said():
+    rng, rig = np.random.default_rng(5), MirrorRig(RIG, MIRROR)
+    known, sigma, chi = arm(JOINTS, LOOSE), MiddleSigma(0.05), []
+    p_WC = reflect(rig.plane, LEFT.X_WC[:3, 3])
+    for _ in range(200):
+        aim = X_WA[:3, 3] + 0.03 * rng.standard_normal(3)
+        way = (aim - p_WC) / np.linalg.norm(aim - p_WC)
+        p_W = onto_solids(known.solids, p_WC[None], way[None])
+        if not np.isfinite(p_W).all():
+            continue
+        turns = rng.multivariate_normal(np.zeros(2), LOOSE)
+        pixels = rig.project(turned(p_W, turns))[0] + 0.05 * rng.standard_normal(4)
+        spot = spot_of(pixels, sigma, RIG, MIRROR, known)
+        if spot is None or spot.kind != ON_ME:
+            continue
+        off = spot.place.p_FM - (p_W[0] - X_WA[:3, 3])
+        chi.append(off @ np.linalg.pinv(spot.place.own + spot.place.common, 1e-6) @ off)
+    assert len(chi) > 120
+    assert 0.75 < np.mean(chi) / 2.0 < 1.25
+
+
+def test_what_joints_leave_open_is_of_one_look_alone():
+    rig = MirrorRig(RIG, MIRROR)
+    known, firm = arm(JOINTS, LOOSE), arm()
+    p_WC = reflect(rig.plane, LEFT.X_WC[:3, 3])
+    way = X_WA[:3, 3] - p_WC
+    p_W = onto_solids(known.solids, p_WC[None], way[None] / np.linalg.norm(way))
+    loose, held = (
+        spot_of(rig.project(p_W)[0], MiddleSigma(0.05), RIG, MIRROR, body).place
+        for body in (known, firm)
+    )
+    np.testing.assert_allclose(loose.own - loose.loose, held.own, atol=1e-12)
+    np.testing.assert_allclose(loose.in_part - loose.loose, held.in_part, atol=1e-12)
+    np.testing.assert_allclose(loose.common, held.common, atol=1e-12)
+    assert np.sqrt(np.trace(loose.loose)) > 3e-4
+    assert not held.loose.any()
+    other = replace(known, loose=[(JOINTS[0][0], frozenset({"hand"}))] * 2)
+    moved = spot_of(rig.project(p_W)[0], MiddleSigma(0.05), RIG, MIRROR, other).place
+    assert not moved.loose.any()
