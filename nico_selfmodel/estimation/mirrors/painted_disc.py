@@ -16,7 +16,8 @@ about one side, which does not tell h: it is somewhere between nothing and the m
 be thick, taken as half of that, and not known by as much. What an edge hides, what lies beyond an
 outline or falls away from the disc tells nothing: a disc that is seen in part is known as well as
 that part tells. In one picture alone the middle of what is seen would be taken for that of the
-disc.
+disc. Where the surface turns away within the disc, as about a bead, x is not known by 2 r mean
+(1 - cos) besides, of the angle between the normals at x and around the disc.
 """
 
 from collections.abc import Sequence

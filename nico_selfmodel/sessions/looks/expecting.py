@@ -29,7 +29,7 @@ POINT_SIGMA = 3e-3
 """What places of links that were not learned are not known by: the head's joints are held to a
 degree, and its face is 0.15 m from them [m]."""
 SEEN_SIGMA = 1.5e-3
-"""The same of an arm that was seen, where it is seen directly: its finger is 1.1 mm off [m]."""
+"""The same of an arm that was seen, where it is seen directly: its finger is 1.3 mm off [m]."""
 APPEARANCE_SIGMA = 0.03
 """What colours and light of the description are not known by, as a share of the grey level; set on
 robot 0."""

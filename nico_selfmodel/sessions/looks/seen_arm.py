@@ -61,6 +61,8 @@ class SeenArm:
         """Make the arrays read-only."""
         for name in ("q", "covariance", "readings"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
+        left, right = self.attached
+        object.__setattr__(self, "attached", (read_only(left), read_only(right)))
 
     def loose(self, labels: NDArray, numbers: dict[str, int]) -> LooseParts:
         """Return what its joints leave open of a picture.
