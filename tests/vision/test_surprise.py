@@ -256,10 +256,14 @@ def test_nothing_is_expected_to_be_brighter_than_a_pixel_can_be():
 
 
 def test_a_body_in_a_dark_picture_is_not_expected_to_be_dark():
+    """Its bright places stay brighter than the rest of it, however dark all of a picture is."""
     rng = np.random.default_rng(10)
-    room = np.full(checks().shape, 90.0)
-    found = surprise(seen(room, rng), expected())
-    assert np.nanmedian(found.chi_square) > 100.0
+    one = expected()
+    grey = np.repeat(one.picture[:, :, :1], 3, axis=2)  # 40 to 200
+    found = surprise(seen(np.full(grey.shape, 90.0), rng), replace(one, picture=grey))
+    bright = grey[:, :, 0] == grey.max()
+    assert found.gain * grey.max() > 110.0
+    assert np.nanmedian(found.chi_square[bright]) > 100.0
 
 
 def test_what_is_loose_may_be_seen_about_it_the_farther_the_less_it_is_known():
