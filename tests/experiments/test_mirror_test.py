@@ -172,17 +172,16 @@ def test_looks_that_surprise_end_a_test_by_all_of_its_robots_together(count, goe
 @pytest.mark.parametrize("share", [True, False])
 def test_a_share_of_the_robots_touches_its_marks_however_many_it_missed(monkeypatch, share):
     passed, asked = {"status": "PASS"}, []
-    for name in ("images_document", "mirrors_document"):
+    for name in ("images_document", "encounters_document"):
         monkeypatch.setattr(the_stages, name, lambda _: passed)
-    monkeypatch.setattr(the_stages, "encounters_document", lambda _: passed)
     failed = {"status": "FAIL"}
     monkeypatch.setattr(the_stages, "unmarked_document", lambda _: failed if share else passed)
     monkeypatch.setattr(the_stages, "marks_documents", lambda _: [passed, failed])
     for name in ("run_images", "run_unmarked", "run_marks"):
         monkeypatch.setattr(the_stages, name, lambda *_: None)
     monkeypatch.setattr(the_stages, "run_structure", lambda *_: StructureStage((), 0))
-    monkeypatch.setattr(the_stages, "know_mirrors", lambda *_: ((), ()))
-    monkeypatch.setattr(the_stages, "place_mirrors", lambda *_: None)
+    monkeypatch.setattr(the_stages, "know_mirrors", lambda *_: (("known",), ()))
+    monkeypatch.setattr(the_stages, "place_mirrors", lambda *_: mirrors(2))
     monkeypatch.setattr(the_stages, "run_touches", lambda *_: asked.append("touches"))
     the_stages._go_on({"encounters": None}, [], 1, 8, None, None, share)
     assert asked == (["touches"] if share else [])

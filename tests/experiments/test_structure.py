@@ -197,11 +197,16 @@ def test_mirrors_that_do_not_tell_where_the_body_is_seen_are_left_out():
 def test_a_shape_that_fails_does_not_stop_the_stages_after_it(monkeypatch, sigma):
     shape = stage(5, sigma=sigma)
     passed = {"status": "PASS"}
-    for name in ("encounters", "images", "mirrors", "unmarked"):
+    for name in ("encounters", "images", "unmarked"):
         monkeypatch.setattr(stages, f"{name}_document", lambda _: passed)
     monkeypatch.setattr(stages, "marks_documents", lambda _: [passed])
-    steps = {"acquainted": "robots", "run_encounters": "met", "run_images": "told"}
-    steps |= {"know_mirrors": ("known", ())}
+    steps = {
+        "any_beyond": False,
+        "acquainted": "robots",
+        "run_encounters": "met",
+        "run_images": "told",
+    }
+    steps |= {"know_mirrors": ("known", ()), "any_beyond": False}
     steps |= {"place_mirrors": "placed", "run_structure": shape, "run_unmarked": "unmarked"}
     steps |= {"run_marks": "marks", "run_touches": "touches"}
     for name, result in steps.items():

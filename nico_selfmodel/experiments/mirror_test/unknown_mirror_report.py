@@ -35,6 +35,11 @@ def mirrors_document(stage: MirrorsStage) -> dict[str, Any]:
     return stage_document("2", "an unknown mirror", failed, lacking, said, mirrors=rows)
 
 
+def any_beyond(stage: MirrorsStage) -> bool:
+    """Return whether a mirror that a robot trusts is not where it says."""
+    return any(row["beyond"] for row in mirrors_document(stage)["mirrors"])
+
+
 def _row(stage: MirrorsStage, by: str) -> dict[str, Any]:
     """Return what is told of mirrors by one part of the body."""
     own = [one for one in stage.places if one.by == by]

@@ -69,6 +69,7 @@ def learn_mirror(
     mirrors: Mapping[str, Mirror] | None = None,
     arm: ArmDescription | None = None,
     choices: int = ENOUGH,
+    day: int = DAY,
     stage: Stage | None = None,
 ) -> MirrorScenario:
     """Put mirrors before the robot, let it look at its hand in each, and learn where they stand.
@@ -84,6 +85,7 @@ def learn_mirror(
             omitted.
         arm: Its arm, if that is another one than `looking_arm`.
         choices: Poses of the hand in each mirror from which to choose.
+        day: On which it looks: poses and noise of another are others.
 
     Raises:
         EstimationError: If no plane fits.
@@ -96,7 +98,7 @@ def learn_mirror(
         nico, places, plate=plate, knows=model, rig=model.rig, familiar=familiar, choices=choices
     )
     data = before.record(
-        "mirror", DAY, wanted, progress=telling(stage, "looking at its hand in a mirror")
+        "mirror", day, wanted, progress=telling(stage, "looking at its hand in a mirror")
     )
     aside = held_out_rows(data, 1.0 - poses / wanted)
     train, test = data.select(~aside), data.select(aside)
@@ -104,7 +106,7 @@ def learn_mirror(
     calibration = calibrate_mirrors(train, model, test=test)
     telling(stage, "learning the mirror")(1, 1)
     row = int(np.flatnonzero((train.mirror == shown) & np.isfinite(train.pixels).all(axis=1))[0])
-    images = before.look(DAY, shown, train.encoders[row])
+    images = before.look(day, shown, train.encoders[row])
     picture = MirrorPicture(int(train.sample[row]), train.encoders[row], images)
     verdict = judge(calibration)
     return MirrorScenario(judged(calibration, verdict), verdict, train, test, picture)
