@@ -61,14 +61,16 @@ def distance(shape, p):
 
 
 @pytest.mark.parametrize("shape", [Sphere(0.0225), Sphere(0.002), Capsule(0.0205, 0.037)])
-def test_no_place_of_a_mesh_is_a_fifth_of_a_millimetre_from_its_solid(shape):
+def test_no_place_of_a_mesh_is_an_eighth_of_a_millimetre_from_its_solid(shape):
     corners, normals = mesh_of(shape)
-    assert np.abs(distance(shape, corners)).max() < 1e-8
+    outside = distance(shape, corners)
+    assert np.ptp(outside) < 1e-8
+    assert 0.0 < outside.min() < 1.25 * TENTH
     for a, b in ((0.5, 0.5), (0.5, 0.0), (0.0, 0.5), (1 / 3, 1 / 3)):
         within = a * corners[:, 0] + b * corners[:, 1] + (1.0 - a - b) * corners[:, 2]
         depth = distance(shape, within)
-        assert depth.max() < 1e-8
-        assert depth.min() > -2.0 * TENTH
+        assert depth.max() < outside.min() + 1e-8
+        assert depth.min() > -1.25 * TENTH
     facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert (np.sum(facing * normals.mean(axis=1), axis=1) > 0.0).all()
 
@@ -81,13 +83,13 @@ def test_no_place_of_a_mesh_is_a_fifth_of_a_millimetre_from_its_solid(shape):
         (Capsule(0.02, 0.05), 4.0 / 3.0 * np.pi * 0.02**3 + np.pi * 0.02**2 * 0.05),
     ],
 )
-def test_meshes_are_closed_and_fill_their_solids(shape, volume):
+def test_meshes_are_closed_and_hold_as_much_as_their_solids(shape, volume):
     corners, _ = mesh_of(shape)
     edges = np.sort(np.round(corners[:, [[0, 1], [1, 2], [2, 0]]], 9).reshape(-1, 2, 3), axis=1)
     _, counts = np.unique(edges.reshape(-1, 6), axis=0, return_counts=True)
     assert (counts == 2).all()
     filled = np.sum(corners[:, 0] * np.cross(corners[:, 1], corners[:, 2])) / 6.0
-    assert 0.97 * volume < filled < volume
+    assert filled == pytest.approx(volume, rel=1e-3)
 
 
 def test_colour_label_place_and_other_roles_stay():

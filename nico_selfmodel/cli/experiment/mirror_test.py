@@ -62,8 +62,10 @@ def mirror_test(
     from nico_selfmodel.experiments.mirror_test.robots_apart import run_apart
     from nico_selfmodel.experiments.mirror_test.stages import run_stages
     from nico_selfmodel.freed_memory import give_back_freed_memory
+    from nico_selfmodel.systems.rendering.renderer import draw_in_one_thread
 
     give_back_freed_memory()
+    draw_in_one_thread()
     with printer.progress_bar() as progress:
         seeds = range(seed, seed + robots)
         if processes == 1:

@@ -17,6 +17,7 @@ from nico_selfmodel.freed_memory import give_back_freed_memory
 from nico_selfmodel.parallel import Workers
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
+from nico_selfmodel.systems.rendering.renderer import draw_in_one_thread
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 
@@ -102,6 +103,7 @@ def shares_of(
 
 def _run(share: _Share) -> MirrorTest:
     give_back_freed_memory()
+    draw_in_one_thread()
     return run_stages(
         share.world, share.seeds, share.trials, share.looks, share.marks, share.plate, share=True
     )

@@ -22,7 +22,7 @@ from pydrake.geometry import (
 )
 
 _INSIDE = 1e-4
-"""How far the middle of a triangle may lie below the surface that its corners are on [m]."""
+"""How far the middle of a triangle may lie below its corners [m]."""
 _LEAST, _MOST = 12, 50
 """Corners around a solid; Drake makes 50."""
 
@@ -30,8 +30,8 @@ _LEAST, _MOST = 12, 50
 def draw_coarsely(scene_graph: SceneGraph, source: SourceId) -> None:
     """Let renderers see meshes in place of the round solids of a source, in the same colours.
 
-    The solids stay for everything but renderers. A tenth of a millimetre is missing of them at
-    most, a sixth of a pixel where Nico's cameras see its hand.
+    The solids stay for everything but renderers. Meshes hold as much as they: a tenth of a
+    millimetre is too much or missing at most, a sixth of a pixel where Nico's cameras see its hand.
 
     Args:
         scene_graph: Where they are drawn; nobody asks it for solids that are seen any more.
@@ -83,16 +83,33 @@ def _obj(axes: NDArray, length: float) -> Mesh:
         [wide * np.cos(longitudes), wide * np.sin(longitudes), high + 0.0 * longitudes], axis=-1
     ).reshape(-1, 3)
     unit = np.concatenate([unit, [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]])
+    faces = _triangles(rings, around)
     points = unit * axes
     ends = np.concatenate([np.repeat(below[:-2], around), below[-2:]])
-    points[:, 2] += np.where(ends, -0.5 * length, 0.5 * length)
+    middle = np.where(ends, -0.5 * length, 0.5 * length)
+    points[:, 2] += middle
+    points = unit * (axes * _larger(points[faces], axes, length))
+    points[:, 2] += middle
     normals = unit / axes
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in points.tolist()]
     lines += [f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in normals.tolist()]
-    faces = _triangles(rings, around) + 1
-    lines += [f"f {a}//{a} {b}//{b} {c}//{c}" for a, b, c in faces.tolist()]
+    lines += [f"f {a}//{a} {b}//{b} {c}//{c}" for a, b, c in (faces + 1).tolist()]
     return Mesh(InMemoryMesh(mesh_file=MemoryFile("\n".join(lines) + "\n", ".obj", "round.obj")))
+
+
+def _larger(corners: NDArray, axes: NDArray, length: float) -> float:
+    """Return by how much a mesh must be larger about its middle to hold what its solid does.
+
+    With corners on the surface V - V_mesh is missing; the volume grows by k of the half axes as
+    V(k) = pi a b k^2 length + 4/3 pi a b c k^3.
+
+    Args:
+        corners: Of the triangles. Shape (N, 3, 3).
+    """
+    drawn = float(np.linalg.det(corners).sum()) / 6.0
+    disc, ball = np.pi * axes[0] * axes[1] * length, 4.0 / 3.0 * np.pi * float(np.prod(axes))
+    return 1.0 + (disc + ball - drawn) / (2.0 * disc + 3.0 * ball)
 
 
 def _triangles(rings: int, around: int) -> NDArray:
