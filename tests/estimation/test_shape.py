@@ -350,11 +350,11 @@ def test_each_patch_tells_how_much_it_bends_and_what_nobody_sees_tells_nothing(s
     np.testing.assert_allclose(tau[far], start, rtol=0.05)
 
 
-def sigma_of(chi_square, looks=refinement.FEWEST):
+def sigma_of(chi_square, looks=refinement.FEWEST, everywhere=False):
     mesh = ball(0.03, 0.01)
     size = len(mesh.vertices)
     each = np.ones(size)
-    each[7] = chi_square
+    each[slice(None) if everywhere else 7] = chi_square
     told = PictureEquations(
         np.full(size, 1e6), np.zeros(size), np.zeros((size, 1)), np.eye(1), np.zeros(1),
         np.zeros((size, 3)), each, np.full(size, looks),
@@ -367,7 +367,15 @@ def test_what_disagrees_in_pictures_is_less_sure_with_all_about_it_but_for_an_od
     assert (some > 1.05 * plain).mean() > 0.3
     assert (most > some).mean() > 0.3
     assert np.array_equal(sigma_of(1e6), most)
-    assert np.array_equal(sigma_of(1e6, refinement.FEWEST - 1), plain)
+    np.testing.assert_allclose(sigma_of(1e6, refinement.FEWEST - 1), plain)
+
+
+def test_colours_that_agree_better_than_expected_are_surer_and_a_place_hardly_shown_counts_as_one():
+    told = sigma_of(0.2, everywhere=True)
+    plain = sigma_of(1.0)
+    assert (told < 0.8 * plain).all()
+    few = sigma_of(0.2, refinement.FEWEST - 1, everywhere=True)
+    np.testing.assert_allclose(few, plain)
 
 
 def test_values_between_pixels_are_linear_and_beyond_the_picture_unknown():

@@ -22,6 +22,7 @@ from nico_selfmodel.sessions.shapes.moving_shape import (
     _cropped,
     _Seen,
     _ToldApart,
+    of_pose,
     room_color,
     shape_of_arm,
 )
@@ -88,6 +89,14 @@ def test_the_hand_tells_what_joints_were_off_by_and_how_well():
     assert sigma.min() < 0.8e-3
     assert told.expected.all()
     assert not joints_by_hand(model, replace(data, pixels=data.pixels + 30.0)).expected.any()
+
+
+def test_a_pose_is_known_to_what_joints_leave_open_and_hardly_more():
+    J = np.zeros((6, 2))
+    J[0, 0], J[5, 1] = 1.0, 0.2
+    sigma = np.sqrt(np.diag(of_pose(J, np.diag([4e-6, 0.0]))))
+    np.testing.assert_allclose(sigma[:3], [np.hypot(2e-3, 5e-4), 5e-4, 5e-4])
+    np.testing.assert_allclose(sigma[3:], 1e-4)
 
 
 def test_a_recording_that_tells_no_moving_link_says_why(tmp_path, command):

@@ -65,6 +65,8 @@ FEWEST = 10
 """Pictures that must show a place, and those next to it, for it to be claimed or tell of others."""
 _ODD = 100.0
 """A chi-square beyond which a place is odd by itself, and tells no more of those about it."""
+_HARDLY = 0.01
+"""What a place counts that too few pictures show to tell how far colours disagree there: as 1."""
 _FARTHEST = 6e-3
 """That a vertex moves in one step [m]."""
 _SAMPLES, _STEPS = 16, 80
@@ -250,11 +252,12 @@ def _sigma(
 ) -> NDArray:
     """Return the standard deviations of vertices along their normals [m]. Shape (V,).
 
-    What pictures tell, D, is as much more uncertain as the colours about a vertex disagree, chi^2:
-    what has other colours in other pictures than expected, as where light is mirrored, is wrong
-    beyond the vertices that show it. Smoothness, M' tau^-2 M, is not. Where mirrors and cameras are
-    wrong by y, the pictures ask the surface for - A^-1 C y more, with C the coupling: with P the
-    covariance of y, and A = D + M' tau^-2 M
+    What pictures tell, D, is as much more uncertain as the colours about a vertex disagree, chi^2,
+    and as much less where they agree better than is expected of them: what has other colours in
+    other pictures, as where light is mirrored, is wrong beyond the vertices that show it, and a
+    smooth sleeve hardly anywhere. Smoothness, M' tau^-2 M, is as uncertain as before.
+    Where mirrors and cameras are wrong by y, the pictures ask the surface for - A^-1 C y more, with
+    C the coupling: with P the covariance of y, and A = D + M' tau^-2 M
 
         sigma^2 = diag(A^-1 (chi^2 D + M' tau^-2 M) A^-1) + diag(A^-1 C P C' A^-1)
 
@@ -267,10 +270,11 @@ def _sigma(
         apart: Which vertices tell nothing of how far colours disagree about them. Shape (V,).
     """
     smooth = fair.neighbours.smoothed
-    shown = well_shown(found, fair.neighbours).astype(float)
+    shown = well_shown(found, fair.neighbours)
     if apart is not None:
-        shown[apart] = 0.0
-    disagreeing = np.maximum(1.0, smooth(np.minimum(found.chi_square, _ODD), PATCH, shown))
+        shown &= ~apart
+    each = np.where(shown, np.minimum(found.chi_square, _ODD), 1.0)
+    disagreeing = smooth(each, PATCH, np.where(shown, 1.0, _HARDLY))
     drawn = fair.drawn(found.own, rng, _SAMPLES, _STEPS, disagreeing)
     by_value = fair.solved(found.own, found.coupling, _STEPS)
     common = np.einsum("vi,ij,vj->v", by_value, covariance, by_value)

@@ -47,8 +47,9 @@ _LEAST = 400
 """Pixels of a body without which a picture does not count."""
 _GATE_6 = 22.458
 """What a chi-square of six degrees of freedom exceeds once in a thousand times."""
-_TURN, _SHIFT = 1e-3, 2e-4
-"""By which a learned arm is wrong beyond its joints' noise, otherwise in each pose [rad, m]."""
+_TURN, _SHIFT = 5e-4, 1e-4
+"""By which a learned arm is wrong beyond its joints' noise, otherwise in each pose [rad, m]: with
+these chi-square of a forearm's poses is 0.9 and 1.5 a degree of freedom (robots 1893, 1912)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,8 +192,7 @@ class _Seen:
         depth = np.where(inside, told.depth, np.float32(np.nan))
         self.depths.append(DepthView(k, told.pair.turned[0], depth))
         self.standpoints.append(OnLink(X_WF, np.zeros(6)))
-        other = np.diag(np.square([_TURN] * 3 + [_SHIFT] * 3))
-        self.covariances.append(J @ look.covariance @ J.T + other)
+        self.covariances.append(of_pose(J, look.covariance))
 
     def learned(self, rng: np.random.Generator, stage: Stage | None) -> RefinedSurface:
         """Return the surface that these looks show."""
@@ -221,6 +221,17 @@ class _Seen:
             variance = np.trace(J @ self.covariances[view.look] @ J.T) / 2.0
             loose.append(replace(view, loose=float(np.sqrt(variance))))
         return replace(views, views=tuple(loose))
+
+
+def of_pose(by_joint: NDArray, joints: NDArray) -> NDArray:
+    """Return what the pose of a link is known to by an arm that is. Shape (6, 6).
+
+    Args:
+        by_joint: How it is turned and shifted by the joints [1, m/rad]. Shape (6, n).
+        joints: Their covariance in this look [rad^2]. Shape (n, n).
+    """
+    other = np.diag(np.square([_TURN] * 3 + [_SHIFT] * 3))
+    return by_joint @ joints @ by_joint.T + other
 
 
 def _card_on(
