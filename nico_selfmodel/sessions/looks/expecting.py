@@ -39,7 +39,7 @@ _UNLIKE = 16.27
 """Chi-square of three degrees of freedom that one place in a thousand exceeds by chance."""
 _TURNED = np.radians(1.0)
 """What links of the arm may be turned by to the light: by which share of its paint's full colour a
-place may be lighter or darker [rad]."""
+place may be lighter or darker, in all colours alike [rad]."""
 _LOOSEST = 1.0
 """What of the arm is known by less tells nothing [px]."""
 _WHOLE = 0.2
@@ -173,8 +173,9 @@ class Expecting:
         moving = np.isin(seen.labels, [*self.image.moving])
         full = np.append(self.image.colors.mean(axis=1), 0.0)[seen.paints[moving]]
         level = bgr_of_rgba(seen.color)[moving].mean(axis=1) / 255.0
-        share[moving] = np.hypot(share[moving], _TURNED * full / np.maximum(level, 0.01))
-        return Expectation(bgr_of_rgba(seen.color), sigma, self.noise[side], share)
+        light = np.zeros(share.shape)
+        light[moving] = _TURNED * full / np.maximum(level, 0.01)
+        return Expectation(bgr_of_rgba(seen.color), sigma, self.noise[side], share, light)
 
     def _by_link(self, seen: LabelledPicture, known: Mapping[str, float], other: float) -> NDArray:
         """Return what is known of each link at each pixel that shows it. Shape (h, w)."""

@@ -157,12 +157,12 @@ def pixels_about(
         sigma = np.where(left, expected.pixel_sigma[window], np.nan)
         if not np.isfinite(sigma).any():
             continue
-        shares = np.asarray(expected.appearance_sigma)[window]
         own = replace(
             expected,
             picture=expected.picture[window],
             pixel_sigma=sigma,
-            appearance_sigma=shares,
+            appearance_sigma=np.asarray(expected.appearance_sigma)[window],
+            light_sigma=np.asarray(expected.light_sigma)[window],
         )
         judged, off, alike, noise, _ = held_against(picture[window], own, part.gain)
         seen = picture[window][judged].astype(float)

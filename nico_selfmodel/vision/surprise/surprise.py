@@ -43,14 +43,18 @@ class Expectation:
     appearance_sigma: float | NDArray
     """What colours and light are not known by, as a share of the expected grey level; everywhere,
     or at each pixel. Shape () or (h, w)."""
+    light_sigma: float | NDArray = 0.0
+    """How much lighter or darker a place may be besides, in all colours alike, likewise: of what is
+    turned to the light otherwise than expected."""
 
     def __post_init__(self) -> None:
         """Check the shapes, and make the arrays read-only."""
-        if np.shape(self.appearance_sigma) not in ((), self.picture.shape[:2]):
-            raise ValueError(
-                f"appearance_sigma must be a number or have shape {self.picture.shape[:2]}, got "
-                f"{np.shape(self.appearance_sigma)}"
-            )
+        for name in ("appearance_sigma", "light_sigma"):
+            shape = np.shape(getattr(self, name))
+            if shape not in ((), self.picture.shape[:2]):
+                raise ValueError(
+                    f"{name} must be a number or have shape {self.picture.shape[:2]}, got {shape}"
+                )
         if self.picture.ndim != 3 or self.pixel_sigma.shape != self.picture.shape[:2]:
             raise ValueError(
                 "picture and pixel_sigma must have shapes (h, w, 3) and (h, w), got "
@@ -58,8 +62,9 @@ class Expectation:
             )
         object.__setattr__(self, "picture", read_only(self.picture))
         object.__setattr__(self, "pixel_sigma", read_only(self.pixel_sigma, float))
-        each = np.broadcast_to(np.asarray(self.appearance_sigma, float), self.pixel_sigma.shape)
-        object.__setattr__(self, "appearance_sigma", read_only(each))
+        for name in ("appearance_sigma", "light_sigma"):
+            each = np.broadcast_to(np.asarray(getattr(self, name), float), self.pixel_sigma.shape)
+            object.__setattr__(self, name, read_only(each))
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,18 +187,19 @@ def surprise(picture: NDArray, expected: Expectation) -> Surprise:
     pixels of a place,
 
         z^2 = ē' C^-1 ē,  C = (sum W)^-1,  ē = C sum W e
-        W = (s_n^2 1 + n (s_a^2 g^2 diag(M)^2 + g^2 V))^-1,  e = I - g M
+        W = (s_n^2 1 + n (s_a^2 g^2 diag(M)^2 + s_l^2 g^2 M M' + g^2 V))^-1,  e = I - g M
 
     The camera's noise is another in each pixel; what colours and places are wrong by is alike in
     neighbours, and does not become less in their mean: (sum a) (sum a)' is n sum a a' at most. A
     pixel at an edge tells less than one beside it.
 
-    s_n is the camera's noise and s_a what colours are not known by. V is what the expectation
-    differs by because nobody knows to the pixel where it is seen: with d that displacement and S
-    its covariance, M(x) = mean E(x + d) and V(x) = cov E(x + d), both by Gaussian blur. For small
-    S it is V = G S G', with G the gradient of the expectation; beyond that a gradient would know
-    nothing of an edge two pixels away. An edge is not quite a line between two colours, where a
-    third is near or light changes at it: a share of V counts in all directions of colour.
+    s_n is the camera's noise, s_a what colours are not known by, and s_l how light they are. V is
+    what the expectation differs by because nobody knows to the pixel where it is seen: with d that
+    displacement and S its covariance, M(x) = mean E(x + d) and V(x) = cov E(x + d), both by
+    Gaussian blur. For small S it is V = G S G', with G the gradient of the expectation; beyond that
+    a gradient would know nothing of an edge two pixels away. An edge is not quite a line between
+    two colours, where a third is near or light changes at it: a share of V counts in all directions
+    of colour.
 
     Args:
         picture: BGR, 8 bits. Shape (h, w, 3).
@@ -280,13 +286,18 @@ def held_against(
     mean, covariance = _displaced(expected, judged)
     seen = picture.astype(float)[judged]
     noise = expected.noise**2 + _ROUNDING
-    share = np.asarray(expected.appearance_sigma)[judged][:, None]
-    own = noise + np.square(share * mean)
+    share, light = (
+        np.asarray(each)[judged][:, None]
+        for each in (expected.appearance_sigma, expected.light_sigma)
+    )
+    own = noise + (share**2 + light**2) * mean**2
     if gain is None:
         gain = _gain(seen, mean, own + np.einsum("nii->ni", covariance))
     alike = gain**2 * covariance
     edge = _MIXED**2 / 3.0 * np.einsum("nii->n", alike)[:, None]
     alike[:, range(3), range(3)] += edge + np.square(share * gain * mean)
+    lighter = light * gain * mean
+    alike += lighter[:, :, None] * lighter[:, None]
     # Nothing is brighter than a pixel can be, or what a mirror throws back of that.
     brightest = max(_SATURATED, float(cv2.blur(picture, _PLACE.shape)[judged].max()))
     return judged, seen - np.minimum(gain * mean, brightest), alike, noise, gain
