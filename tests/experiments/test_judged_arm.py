@@ -12,7 +12,7 @@ from nico_selfmodel.sessions.looks.least_unknown import MOVING, POINTS, Told, le
 from nico_selfmodel.sessions.looks.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.looks.seen_arm import SeenArm
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
-from nico_selfmodel.systems.rendering.body_image import NOTHING
+from nico_selfmodel.systems.rendering.body_image import NOTHING, ExpectedPicture
 from nico_selfmodel.systems.rendering.cropped_render import LabelledPicture
 
 CHEST, ARM, HAND = 3, 7, 9
@@ -83,6 +83,24 @@ def test_the_hand_and_what_is_attached_to_it_are_not_judged():
 def test_a_link_of_which_nothing_was_told_is_not_judged():
     untold = Unknown(dict(UNKNOWN.points), untold=frozenset({"arm"}))
     assert np.isnan(sigma_of(seen(), unknown=untold)[:, 100:140]).all()
+
+
+@pytest.mark.parametrize(
+    ("level", "light"), [(204, 0.01745), (102, 0.0349), (0, 0.8 * 0.01745 / 0.01)]
+)
+def test_a_link_that_moves_may_be_turned_a_degree_to_the_light_which_is_more_in_the_shade(
+    level, light
+):
+    """The share of what is seen grows where little is: paint of 0.8 turns by a degree."""
+    one = picture()
+    color = np.full((*SHAPE, 4), level, np.uint8)
+    lit = ExpectedPicture(color, one.depth, one.labels, np.zeros(SHAPE, int))
+    colors = np.full((1, 3), 0.8)
+    image = SimpleNamespace(**vars(IMAGE), colors=colors, paint_sigma=np.array([0.03]))
+    found = Expecting(image, NICO_CAMERAS, MIRROR, (2.0, 2.0), UNKNOWN).expected(0, lit, seen())
+    np.testing.assert_allclose(found.light_sigma[one.labels == ARM], light, rtol=0.01)
+    assert (found.light_sigma[one.labels == CHEST] == 0.0).all()
+    np.testing.assert_allclose(found.appearance_sigma, np.hypot(0.03, UNKNOWN.color))
 
 
 @pytest.mark.parametrize(("step", "judged"), [(0.05, True), (0.005, False)])

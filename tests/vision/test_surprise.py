@@ -73,6 +73,24 @@ def test_what_is_no_noise_of_a_place_is_wrong_in_all_pictures_alike(share, alike
         replace(found, covariance=None).alike(np.arange(3))
 
 
+@pytest.mark.parametrize(
+    ("less", "surprises"), [([0.9, 0.9, 0.9], False), ([1.0, 1.0, 0.78], True)]
+)
+def test_what_is_turned_to_the_light_is_darker_in_all_colours_alike(less, surprises):
+    """A sleeve that may be a twentieth darker is not expected to lose a fifth of its red alone."""
+    flat = np.tile([104.0, 100.0, 116.0], (40, 60, 1))
+    known = Expectation(flat.astype(np.uint8), np.zeros((40, 60)), NOISE, 0.01)
+    spot = np.zeros((40, 60, 1))
+    spot[15:25, 20:30] = 1.0
+    dark = flat * (1.0 - spot * (1.0 - np.array(less)))
+    picture = seen(dark, np.random.default_rng(4))
+    for light, alarms in ((0.05, surprises), (0.0, True)):
+        found = surprise(picture, replace(known, light_sigma=light))
+        assert bool(surprising_places(found)) is alarms
+    # A share of each colour by itself, as large, would miss both.
+    assert not surprising_places(surprise(picture, replace(known, appearance_sigma=0.06)))
+
+
 def test_each_place_has_a_share_of_its_own():
     picture = np.tile(np.linspace(20.0, 220.0, 160)[:, None], (120, 1, 3))
     known = Expectation(picture.astype(np.uint8), np.zeros((120, 160)), NOISE, 0.01)
@@ -231,10 +249,12 @@ def test_what_cannot_be_compared_is_refused():
         surprise(checks().astype(np.uint8), expected(np.nan))
     with pytest.raises(ValueError, match=r"shapes \(h, w, 3\)"):
         Expectation(np.zeros((2, 2, 3), np.uint8), np.zeros((3, 3)), 1.0, 0.0)
-    with pytest.raises(
-        ValueError, match=r"appearance_sigma must be a number or have shape \(2, 2\)"
-    ):
-        Expectation(np.zeros((2, 2, 3), np.uint8), np.zeros((2, 2)), 1.0, np.zeros(3))
+    for name in ("appearance_sigma", "light_sigma"):
+        with pytest.raises(ValueError, match=rf"{name} must be a number or have shape \(2, 2\)"):
+            replace(
+                Expectation(np.zeros((2, 2, 3), np.uint8), np.zeros((2, 2)), 1.0, 0.0),
+                **{name: np.zeros(3)},
+            )
 
 
 def test_what_was_found_cannot_be_changed():
