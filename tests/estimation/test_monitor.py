@@ -1,5 +1,7 @@
 """The statistic of Shiryaev and Roberts, and what a pose says for a change."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -130,9 +132,28 @@ def test_false_detections_are_cauchy_about_the_tail(watched):
     density = MixtureDensity(seen, noise)
     (whole,) = np.flatnonzero(seen.dof == 4)[:1]
     S = np.linalg.inv(density.whitening[1, whole].T @ density.whitening[1, whole])
-    r = seen.residuals[whole] + 5.0
+    r = seen.residuals[whole] + 500.0
     # Gamma(5 / 2) / Gamma(1 / 2) = 3 / 4
     far = (1.0 + r @ np.linalg.solve(S, r)) ** -2.5
     u = 0.75 / np.pi**2 / np.sqrt(np.linalg.det(S)) * far
-    found = density.log_false(seen.residuals + 5.0)[whole] - 2.0 * np.log(2.0 * np.pi)
+    found = density.log_false(seen.residuals + 500.0)[whole] - 2.0 * np.log(2.0 * np.pi)
     assert found == pytest.approx(np.log(u))
+
+
+@pytest.mark.parametrize("corners", [1, 5])
+def test_poses_that_fit_better_than_expected_are_no_false_detections(watched, corners):
+    """Of many coordinates a Cauchy distribution is far denser in its middle than the tail."""
+    model, seen, changes = watched
+    whole = np.flatnonzero(seen.dof == 4)
+    own = [np.tile(one[whole], (1, corners, *[1] * (one.ndim - 2))) for one in
+           (seen.residuals, seen.slopes, seen.by_angle, seen.by_side, seen.seen)]  # fmt: skip
+    residuals, slopes, by_angle, by_side, shown = own
+    poses = replace(
+        seen, residuals=0.0 * residuals, slopes=slopes, by_angle=by_angle, by_side=by_side,
+        seen=shown, sample=seen.sample[whole],
+    )  # fmt: skip
+    density = MixtureDensity(poses, model.noise_mixtures["pixels"])
+    said = changes.steps(density, poses.residuals, poses.slopes)
+    assert said[:, -1].max() < -1.0
+    far = density.log_false(residuals + 1e3)
+    assert (far < density.log_false(poses.residuals) - 1.0).all()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.experiments.mirror_test import marks, unmarked
-from nico_selfmodel.experiments.mirror_test.marks import MarkTrial, run_marks
+from nico_selfmodel.experiments.mirror_test.marks import MarkTrial, Watched, run_marks
 from nico_selfmodel.experiments.mirror_test.painting import MARK
 from nico_selfmodel.experiments.mirror_test.unmarked import Look, run_unmarked
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
@@ -63,7 +63,9 @@ def test_of_many_trials_with_marks_the_first_look_at_one_is_kept(known, monkeypa
 
     monkeypatch.setattr(marks._Session, "__init__", lambda *_: None)
     monkeypatch.setattr(marks._Session, "trial", trial)
+    monkeypatch.setattr(marks, "watched", lambda robot, _: Watched(robot.seed, 9, None))
     found = run_marks([known], 16)
+    assert found.watched == (Watched(known.robot.seed, 9, None),)
     assert len(found.trials) == len(Looks.taken) == 16
     assert found.shown is not None
     assert found.shown[0].kind == MARK

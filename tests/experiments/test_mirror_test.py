@@ -22,7 +22,7 @@ from nico_selfmodel.experiments.mirror_test import report, robots_apart
 from nico_selfmodel.experiments.mirror_test import stages as the_stages
 from nico_selfmodel.experiments.mirror_test.encounters import EXPECTED, EncounterStage, Trial
 from nico_selfmodel.experiments.mirror_test.images import ALLOWED, ImageStage, ImageTrial
-from nico_selfmodel.experiments.mirror_test.marks import MarkStage, MarkTrial
+from nico_selfmodel.experiments.mirror_test.marks import MarkStage, MarkTrial, Watched
 from nico_selfmodel.experiments.mirror_test.marks_report import marks_documents, marks_tables
 from nico_selfmodel.experiments.mirror_test.painting import (
     KINDS,
@@ -53,7 +53,7 @@ from nico_selfmodel.experiments.mirror_test.unmarked_report import unmarked_docu
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
 from nico_selfmodel.sessions.looks.expecting import MirrorLook
 from nico_selfmodel.sessions.looks.mark_finder import Finding
-from nico_selfmodel.sessions.mirrors.knowing import Refusal
+from nico_selfmodel.sessions.mirrors.knowing import MARKED, Refusal
 from nico_selfmodel.systems.rendering.mark_on_body import Mark
 from nico_selfmodel.vision.surprise.surprise import Expectation, Surprise
 
@@ -523,8 +523,33 @@ def test_a_mark_seen_after_it_is_gone_fails():
     assert documents[-1]["status"] == "FAIL"
 
 
+@pytest.mark.parametrize(("changed", "status"), [(None, "PASS"), ("zero of right_elbow", "FAIL")])
+def test_a_monitor_that_says_that_the_body_changed_fails_the_last_stage(changed, status):
+    seen = replace(marked(25), watched=(Watched(3, 39, None), Watched(4, 40, changed)))
+    document = marks_documents(seen)[-1]
+    assert (document["stage"], document["status"], document["not_evaluated"]) == ("8", status, [])
+    told = "robot 4: its monitor says that something changed: zero of right_elbow"
+    said = "the monitor says of 2 bodies that nothing changed"
+    assert (told if changed else said) in document["reasons"][0]
+    assert document["watched"][0] == {"robot": 3, "poses": 39, "changed": None}
+    parts = [MirrorTest(stage(8), marks=one) for one in (seen, marked(2))]
+    assert together(parts).marks.watched == seen.watched
+
+
+def test_marks_on_all_links_of_the_arm_are_one_row():
+    arm = [
+        replace(one, painted=replace(one.painted, mark=replace(one.painted.mark, link=link)))
+        for one, link in zip(marked(2).trials, MARKED[2:], strict=False)
+    ]
+    text = "".join(table.markdown for table in marks_tables(MarkStage(tuple(arm), None)))
+    assert "| arm | 3 | 3 | 3 |" in text
+    assert "| chest | 0 | 0 |" in text
+
+
 def test_the_tables_count_what_was_said():
-    text = "".join(table.markdown for table in marks_tables(marked(5)))
+    watched = (Watched(3, 39, None), Watched(4, 40, "a gear"))
+    text = "".join(one.markdown for one in marks_tables(replace(marked(5), watched=watched)))
+    assert "| body watched after it | unchanged | 2 | unchanged 1 |" in text
     assert "| mark on the glass | on the glass | 5 | on the glass 5 |" in text
     assert "| mark taken off | nothing | 25 | no mark on me 25 |" in text
     assert "| head | 25 | 25 | 0 | 1.0 | 1.0 | 1.00 |" in text

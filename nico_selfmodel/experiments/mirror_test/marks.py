@@ -2,10 +2,13 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.experiments.mirror_test.painting import (
     KINDS,
     MARK,
@@ -18,10 +21,11 @@ from nico_selfmodel.experiments.mirror_test.painting import (
 from nico_selfmodel.sessions.looks.expecting import MirrorLook
 from nico_selfmodel.sessions.looks.mark_finder import Finding, MarkFinder
 from nico_selfmodel.sessions.looks.mirror_looks import MirrorLooks
-from nico_selfmodel.sessions.mirrors.acquaintance import rendered
+from nico_selfmodel.sessions.mirrors.acquaintance import Acquainted, rendered
 from nico_selfmodel.sessions.mirrors.knowing import TURNED, Knowing
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
 from nico_selfmodel.sessions.progress import Stage, of_robot
+from nico_selfmodel.sessions.shapes.own_arm import look_at_arm
 from nico_selfmodel.systems.closing import free_memory
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
@@ -32,6 +36,8 @@ REMOVALS = 2
 _DAY = 8
 _WAIT = 0.1
 """How long somebody takes to paint, in which a picture's noise becomes another [s]."""
+_WATCHED, _DAY_AFTER = 40, 12
+"""Poses of the hand by which the monitor judges after the marks, and on which day."""
 _POSTURES = 10
 """Pairs of postures that are tried where the first shows no place to be painted."""
 
@@ -52,6 +58,18 @@ class MarkTrial:
     """What it says after the removal; None where nothing was removed."""
 
 
+@dataclass(frozen=True)
+class Watched:
+    """What a robot's monitor says of its body after all marks are gone."""
+
+    robot: int
+    """Its seed."""
+    poses: int
+    """In which it saw its hand."""
+    changed: str | None
+    """What it says that changed; None of a body that is what it was."""
+
+
 @dataclass(frozen=True, eq=False)
 class MarkStage:
     """All trials with marks."""
@@ -60,6 +78,8 @@ class MarkStage:
     """In the order in which they were made."""
     shown: tuple[Painted, Pair] | None
     """The first look at a mark on the body, for the report."""
+    watched: tuple[Watched, ...] = ()
+    """Of each robot."""
 
 
 class _Session:
@@ -150,6 +170,7 @@ def run_marks(robots: Sequence[Knowing], trials: int, progress: Stage | None = N
     order = np.random.default_rng((seed, 46)).permutation(trials)
     kinds = [KINDS[k % len(KINDS)] for k in order]
     done: list[MarkTrial] = []
+    after: list[Watched] = []
     shown: tuple[Painted, Pair] | None = None
     for i, known in enumerate(robots):
         stage = of_robot(progress, i, len(robots))
@@ -158,7 +179,24 @@ def run_marks(robots: Sequence[Knowing], trials: int, progress: Stage | None = N
             done.append(trial)
             if shown is None and trial.painted.kind == MARK:
                 shown = trial.painted, pair
-    return MarkStage(tuple(done), shown)
+        free_memory()
+        after.append(watched(known.robot, stage))
+    return MarkStage(tuple(done), shown, tuple(after))
+
+
+def watched(robot: Acquainted, stage: Stage) -> Watched:
+    """Let a robot look at its hand in poses in which it was learned, and its monitor judge.
+
+    Args:
+        robot: Who knows arm and cameras.
+    """
+    with TemporaryDirectory() as folder:
+        data, _ = look_at_arm(robot, Path(folder) / "after", _WATCHED, stage, _DAY_AFTER)
+    report = check_health(robot.model, data)
+    if report.healthy:
+        return Watched(robot.seed, len(report.nis), None)
+    causes = [one.hypothesis.cause for one in report.diagnoses[:1]]
+    return Watched(robot.seed, len(report.nis), *(causes or ["that poses contradict it"]))
 
 
 def check_marks(trials: int, robots: int) -> None:

@@ -17,6 +17,7 @@ from nico_selfmodel.experiments.mirror_test.painting import (
 )
 from nico_selfmodel.experiments.mirror_test.stage_document import stage_document
 from nico_selfmodel.geometry.rotation import tangent_basis
+from nico_selfmodel.sessions.mirrors.knowing import LINKS, MARKED
 from nico_selfmodel.viz.figures.mirror_test.surprise_plot import surprise_plot
 
 LEAST_HITS = 0.95
@@ -39,6 +40,8 @@ NO_MISTAKE = {kind: (told,) for kind, told in WANTED.items()} | {
 }
 """What may be said of it: who does not notice a mark on another robot did not take it for its
 own."""
+
+_ARM = MARKED[len(LINKS) :]
 
 
 def marks_documents(stage: MarkStage) -> list[dict[str, Any]]:
@@ -208,16 +211,25 @@ def _removals(stage: MarkStage) -> dict[str, Any]:
     after = [trial.after for trial in stage.trials if trial.after is not None]
     still = sum(any(one.kind == ON_ME for one in found) for found in after)
     failed = [f"{still} of {len(after)} marks are still seen after they are gone"] if still else []
+    failed += [
+        f"robot {one.robot}: its monitor says that something changed: {one.changed}"
+        for one in stage.watched
+        if one.changed is not None
+    ]
     said = f"none of {len(after)} marks is seen after it was removed"
+    if stage.watched:
+        said += f", and the monitor says of {len(stage.watched)} bodies that nothing changed"
+    lacking = [] if stage.watched else ["what `monitor` says"]
     return _document(
         "8",
         "after removal",
         failed,
         said,
         f"{ENOUGH_REMOVALS} removals" if len(after) < ENOUGH_REMOVALS else None,
-        not_evaluated=["what `monitor` says"],
+        not_evaluated=lacking,
         removals=len(after),
         still_seen=still,
+        watched=[vars(one) for one in stage.watched],
     )
 
 
@@ -231,9 +243,13 @@ def marks_tables(stage: MarkStage) -> tuple[Table, ...]:
     after = [trial.after for trial in stage.trials if trial.after is not None]
     gone = sum(not any(one.kind == ON_ME for one in found) for found in after)
     rows.append(["mark taken off", "nothing", str(len(after)), f"no mark on me {gone}"])
+    same = sum(one.changed is None for one in stage.watched)
+    rows.append(
+        ["body watched after it", "unchanged", str(len(stage.watched)), f"unchanged {same}"]
+    )
     places = []
-    for link in ("head", "chest"):
-        own = [t for t in _of(stage, MARK) if t.painted.mark and t.painted.mark.link == link]
+    for link, links in (("head", ("head",)), ("chest", ("chest",)), ("arm", _ARM)):
+        own = [t for t in _of(stage, MARK) if t.painted.mark and t.painted.mark.link in links]
         off, chi, wrong = errors_of(own)
         numbers = (
             [f"{np.median(off):.1f}", f"{np.percentile(off, 95):.1f}", f"{np.mean(chi):.2f}"]

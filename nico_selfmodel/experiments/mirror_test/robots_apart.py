@@ -157,7 +157,7 @@ def _unmarked(found: Sequence[UnmarkedStage]) -> UnmarkedStage:
 
 def _marks(found: Sequence[MarkStage]) -> MarkStage:
     shown = [stage.shown for stage in found if stage.shown is not None]
-    return MarkStage(_all(found, "trials"), shown[0] if shown else None)
+    return MarkStage(_all(found, "trials"), shown[0] if shown else None, _all(found, "watched"))
 
 
 def _touches(found: Sequence[TouchStage]) -> TouchStage:

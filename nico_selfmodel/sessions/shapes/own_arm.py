@@ -88,7 +88,7 @@ def learn_arm_structure(robot: Acquainted, stage: Stage) -> ArmStructure:
 
 
 def look_at_arm(
-    robot: Acquainted, folder: Path, poses: int, stage: Stage
+    robot: Acquainted, folder: Path, poses: int, stage: Stage, day: int = _DAY
 ) -> tuple[Dataset, dict[int, Surfaces]]:
     """Let a robot look at its arm in poses that are far from each other.
 
@@ -96,6 +96,7 @@ def look_at_arm(
         robot: Who has learned arm and cameras.
         folder: Where its pictures are kept.
         poses: How many; the same come first whatever their number.
+        day: On which.
 
     Returns:
         What it saw, whose pictures lie in the folder, and all true surfaces in each sample.
@@ -104,11 +105,11 @@ def look_at_arm(
     nico = RenderedNico(robot.world, robot.seed, (FIDUCIAL,), ImageQuality(), arm, corners=True)
     plan = spread(robot.readings, poses)
     tell, true = telling(stage, "looking at its arm"), {}
-    with nico.station(_DAY, robot.model.rig) as station:
+    with nico.station(day, robot.model.rig) as station:
         body = StationBody(station, station.joints, nico.tracked, keep_images=True)
         about = {
             "name": "arm",
-            "source": station.world.origin("rendered nico", robot.seed, _DAY),
+            "source": station.world.origin("rendered nico", robot.seed, day),
             "seed": robot.seed,
             "image_size": station.image_size,
         }
