@@ -98,6 +98,23 @@ def look():
 
 
 @pytest.mark.slow
+def test_the_same_look_is_not_rendered_anew_whatever_was_asked_in_between(image):
+    lower, upper = true_model().servos.to_encoder(np.array([nico().arm.lower, nico().arm.upper]))
+    one, other = 0.6 * lower + 0.4 * upper, 0.4 * lower + 0.6 * upper
+    image.poses(one)
+    stood = image.standing(image.joints)
+    seen = image.expect(one, DEFAULT_MIRROR, 0)
+    image.poses(other)
+    image.expect(other, DEFAULT_MIRROR, 1)
+    assert image.expect(one, DEFAULT_MIRROR, 0) is seen
+    # Joints stand where the picture has them, which was not rendered.
+    for before, now in zip(stood, image.standing(image.joints), strict=True):
+        np.testing.assert_array_equal(now.p_WJ, before.p_WJ)
+        assert now.angle == before.angle
+    assert image.expect(other, DEFAULT_MIRROR, 0) is not seen
+
+
+@pytest.mark.slow
 def test_papered_walls_show_in_a_mirror_behind_the_body_and_change_nothing_of_it(image, look):
     papered = replace(imperfections_named("clean"), papered=True)
     mirror, readings, pictures = looked(

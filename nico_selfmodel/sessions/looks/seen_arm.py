@@ -149,7 +149,7 @@ class _Standing:
         """Return which pixels may show what is attached to the hand, or hides it. Shape (h, w)."""
         known, readings = self.known, self.shot.readings
         rig = MirrorRig(known.model.rig, known.mirror(self.shot.mirror))
-        shape = self.image.expect(readings, rig.mirror, side).labels.shape
+        shape = self.shot.pictures[side].shape[:2]
         blocks = []
         # The marker was learned where the arm stands in a body that does not stand elsewhere.
         card = card_of(known.model, readings, inverse(known.X_WB) @ self.poses[min(self.hand)])

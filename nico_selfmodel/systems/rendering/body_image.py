@@ -178,9 +178,9 @@ class BodyImage(Closable, LeafSystem):
         self.require_open()
         readings = np.asarray(readings, dtype=float)
         known = readings.tobytes() + (b"" if mirror is None else mirror.values.tobytes())
+        self._built.set_positions(self.__context, readings)
         last = self._last[side]
         if last is None or last[0] != known:
-            self._built.set_positions(self.__context, readings)
             last = self._last[side] = known, self._bent(side, mirror)
         return last[1]
 
@@ -270,7 +270,6 @@ class BodyImage(Closable, LeafSystem):
             ValueError: If the readings are not n numbers.
         """
         self.require_open()
-        self._last = [None, None]
         self._built.set_positions(self.__context, np.asarray(readings, dtype=float))
         plant, own = self._built.plant, self._built.own_context(self.__context)
         bodies = [(name, plant.get_body(BodyIndex(index))) for index, name in self.links.items()]
