@@ -108,6 +108,23 @@ def test_a_spot_on_the_glass_is_called_one():
         assert spot is None or spot.kind == ON_GLASS
 
 
+@pytest.mark.parametrize("glass", [False, True])
+def test_a_spot_whose_middle_is_hardly_known_is_where_it_fits_better(glass):
+    """Known to nine pixels, as one seen in parts, it may be on the glass and on the body."""
+    rng, kinds = np.random.default_rng(5), []
+    for _ in range(20):
+        p_W = apply(X_WH, on_the_ball(rng)[None])[0]
+        pixels = MirrorRig(RIG, MIRROR).project(p_W)
+        if glass:
+            behind = p_W - 2.0 * MIRROR.plane.distance_to(p_W) * MIRROR.plane.normal
+            pixels = RIG.project(behind * -MIRROR.plane.offset / (MIRROR.plane.normal @ behind))
+        found = spot_of(pixels, MiddleSigma(9.0), RIG, MIRROR, body())
+        assert found is not None
+        assert found.chi_square < 0.1
+        kinds.append(found.kind)
+    assert set(kinds) == {ON_GLASS if glass else ON_ME}
+
+
 def test_a_mark_beside_the_body_is_not_on_me():
     rng = np.random.default_rng(3)
     beside = apply(X_WH, on_the_ball(rng)[None])[0] + [0.3, 0.0, 0.0]

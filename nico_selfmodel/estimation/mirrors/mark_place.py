@@ -121,7 +121,9 @@ def spot_of(
     """Tell what a pair of pixels shows.
 
     Whether the pixels are of one point, and on what, is asked with at least `_PART` a pixel: weak
-    spots are seen in part, and a mark that is thrown away is never found again.
+    spots are seen in part, and a mark that is thrown away is never found again. What may be on the
+    glass and on the body, as where the middle of a spot in parts is not known to pixels, is where
+    it fits better.
 
     Args:
         pixels: Left u, v and right u, v [px]. Shape (4,).
@@ -145,12 +147,12 @@ def spot_of(
     variance = plane.normal @ covariance @ plane.normal + by_plane @ known @ by_plane
     height = float(plane.distance_to(p_WQ))
     on_glass = height**2 / float(variance)
-    if on_glass < GATE_1:
-        return Spot(ON_GLASS, None, on_glass)
     shares = (sigma.own / asked) ** 2, (sigma.alike / asked) ** 2
     on_me = None
     if height < 0.0:
         on_me = _on_body(pixels, p_WQ, covariance, shares, mirror, rig, body)
+    if on_glass < GATE_1 and (on_me is None or on_glass <= on_me.chi_square):
+        return Spot(ON_GLASS, None, on_glass)
     if on_me is None or on_me.chi_square > GATE_1:
         best = on_glass if on_me is None else min(on_glass, on_me.chi_square)
         return Spot(NOT_ON_ME, None, best)
