@@ -378,6 +378,22 @@ def test_colours_that_agree_better_than_expected_are_surer_and_a_place_hardly_sh
     np.testing.assert_allclose(few, plain)
 
 
+def test_places_that_hardly_any_picture_shows_do_not_make_those_beside_them_surer():
+    mesh = ball(0.03, 0.01)
+    size = len(mesh.vertices)
+    half = mesh.vertices[:, 0] > CENTER[0]
+    looks = np.where(half, refinement.FEWEST, refinement.FEWEST - 1)
+    told = PictureEquations(
+        np.full(size, 1e6), np.zeros(size), np.zeros((size, 1)), np.eye(1), np.zeros(1),
+        np.zeros((size, 3)), np.full(size, 50.0), looks,
+    )  # fmt: skip
+    shown = refinement.well_shown(told, fair_of(mesh).neighbours)
+    known = fair_of(mesh), np.eye(1), np.random.default_rng(0)
+    beside = refinement._sigma(told, *known)[shown]
+    whole = refinement._sigma(replace(told, looks=np.full(size, 99)), *known)[shown]
+    assert np.median(beside / whole) > 0.9
+
+
 def test_values_between_pixels_are_linear_and_beyond_the_picture_unknown():
     v, u = np.mgrid[0:5, 0:7].astype(float)
     image = np.stack([u, 2.0 * v], axis=2)

@@ -38,12 +38,14 @@ from nico_selfmodel.experiments.mirror_test.unmarked_report import (
     unmarked_table,
 )
 from nico_selfmodel.plant.touching.touch_planner import CLEAR, LEAN, NARROW
+from nico_selfmodel.sessions.looks.expecting import TURNED
 from nico_selfmodel.sessions.looks.least_unknown import COLOR_SIGMA, MOVING
 from nico_selfmodel.sessions.looks.mark_finder import ARM_SIGMA, LENS_SIGMA, PIXEL_SIGMA
 from nico_selfmodel.sessions.looks.seen_arm import LOOSE
 from nico_selfmodel.sessions.mirrors.knowing import TRUSTED
 from nico_selfmodel.sessions.mirrors.learned_shape import APART
 from nico_selfmodel.sessions.motion_session import PERIOD
+from nico_selfmodel.sessions.shapes.moving_shape import SHIFT, TURN
 from nico_selfmodel.viz.reports.experiment_page import ExperimentPage, text_table
 from nico_selfmodel.viz.reports.parts import Drawing, numbers, section
 
@@ -160,6 +162,8 @@ LOOSE_JOINTS = f"{np.degrees(LOOSE):.1f} deg: given"
 SET_ARM = (
     f"{1e3 * MOVING:g} mm in pictures, {1e3 * ARM_SIGMA:g} mm of marks: set on robots 1893 and 1894"
 )
+TURNED_TO_LIGHT = f"{np.degrees(TURNED):g} deg: given"
+SET_POSES = f"{1e3 * TURN:g} mrad, {1e3 * SHIFT:g} mm: set on robots 1893 and 1912"
 SEEN_BESIDE = f"{1e3 * SEEN_ON:g} mm: set on robot 1893"
 
 
@@ -197,6 +201,8 @@ def _given() -> Table:
         ["how loose its joints are in a look at its arm", LOOSE_JOINTS],
         ["how its arm stands in a look, where its finger came to", "seen, by the arm's edges"],
         ["what places of its arm's links are not known by", SET_ARM],
+        ["how a link of its arm may be turned to the light", TURNED_TO_LIGHT],
+        ["by what its arm is wrong beside its joints' noise, for a shape", SET_POSES],
         ["how far beside a mark it is seen and goes again", SEEN_BESIDE],
         ["odds that stop the test", "derived: 100 to 1 that of 100 verdicts not one is wrong"],
         ["threshold of the motion mask", "derived: one false cell in 1000 still pictures"],

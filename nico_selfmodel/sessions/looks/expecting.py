@@ -37,7 +37,7 @@ MOST_UNLIKE = 0.01
 """Share of an unmarked link that may look otherwise once it is known how far it is not known."""
 _UNLIKE = 16.27
 """Chi-square of three degrees of freedom that one place in a thousand exceeds by chance."""
-_TURNED = np.radians(1.0)
+TURNED = np.radians(1.0)
 """What links of the arm may be turned by to the light: by which share of its paint's full colour a
 place may be lighter or darker, in all colours alike [rad]."""
 _LOOSEST = 1.0
@@ -174,7 +174,7 @@ class Expecting:
         full = np.append(self.image.colors.mean(axis=1), 0.0)[seen.paints[moving]]
         level = bgr_of_rgba(seen.color)[moving].mean(axis=1) / 255.0
         light = np.zeros(share.shape)
-        light[moving] = _TURNED * full / np.maximum(level, 0.01)
+        light[moving] = TURNED * full / np.maximum(level, 0.01)
         return Expectation(bgr_of_rgba(seen.color), sigma, self.noise[side], share, light)
 
     def _by_link(self, seen: LabelledPicture, known: Mapping[str, float], other: float) -> NDArray:

@@ -47,7 +47,7 @@ _LEAST = 400
 """Pixels of a body without which a picture does not count."""
 _GATE_6 = 22.458
 """What a chi-square of six degrees of freedom exceeds once in a thousand times."""
-_TURN, _SHIFT = 5e-4, 1e-4
+TURN, SHIFT = 5e-4, 1e-4
 """By which a learned arm is wrong beyond its joints' noise, otherwise in each pose [rad, m]: with
 these chi-square of a forearm's poses is 0.9 and 1.5 a degree of freedom (robots 1893, 1912)."""
 
@@ -230,7 +230,7 @@ def of_pose(by_joint: NDArray, joints: NDArray) -> NDArray:
         by_joint: How it is turned and shifted by the joints [1, m/rad]. Shape (6, n).
         joints: Their covariance in this look [rad^2]. Shape (n, n).
     """
-    other = np.diag(np.square([_TURN] * 3 + [_SHIFT] * 3))
+    other = np.diag(np.square([TURN] * 3 + [SHIFT] * 3))
     return by_joint @ joints @ by_joint.T + other
 
 
