@@ -187,6 +187,20 @@ def test_a_share_of_the_robots_touches_its_marks_however_many_it_missed(monkeypa
     assert asked == (["touches"] if share else [])
 
 
+@pytest.mark.parametrize("share", [0, 1])
+def test_a_share_whose_robots_all_refuse_their_mirrors_does_not_end_the_test_of_the_others(share):
+    refused = MirrorsStage((), (Refusal(7, "mirror 'turned' shows 40 % otherwise"),))
+    parts = [MirrorTest(stage(8), mirrors=mirrors(2), unmarked=looks(9, 0))]
+    parts.insert(share, MirrorTest(stage(8), mirrors=refused))
+    whole = together(parts)
+    assert whole.unmarked is not None
+    assert len(whole.unmarked.looks) == 9
+    assert whole.mirrors.refusals == refused.refusals
+    assert together([parts[share]] * 2).unmarked is None
+    # One that ended before it had mirrors is missing.
+    assert together([*parts, MirrorTest(stage(8))]).unmarked is None
+
+
 def test_looks_and_colours_of_several_processes_are_kept():
     off = PaintsOff(7, *np.zeros((3, 1)))
     parts = [MirrorTest(stage(8), unmarked=replace(looks(9, 0), paints=(off,)))] * 2

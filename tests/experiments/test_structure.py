@@ -200,12 +200,7 @@ def test_a_shape_that_fails_does_not_stop_the_stages_after_it(monkeypatch, sigma
     for name in ("encounters", "images", "unmarked"):
         monkeypatch.setattr(stages, f"{name}_document", lambda _: passed)
     monkeypatch.setattr(stages, "marks_documents", lambda _: [passed])
-    steps = {
-        "any_beyond": False,
-        "acquainted": "robots",
-        "run_encounters": "met",
-        "run_images": "told",
-    }
+    steps = {"acquainted": "robots", "run_encounters": "met", "run_images": "told"}
     steps |= {"know_mirrors": ("known", ()), "any_beyond": False}
     steps |= {"place_mirrors": "placed", "run_structure": shape, "run_unmarked": "unmarked"}
     steps |= {"run_marks": "marks", "run_touches": "touches"}

@@ -45,8 +45,8 @@ def mirror_test(
     finger on the marks that it found. FAIL, with exit code 1, where a stage misses a bound:
     docs/mirror_test.md has them all. A PASS takes 100 trials, 5 robots, 10 mirrors, 100 looks, 104
     marks and 20 of them in reach. A stage that fails is the last, but for the shape, which nothing
-    rests on. Some 10 s a trial and a mark, 3 s a look, 2 s for each of 50 other ways, and 12
-    minutes a robot; --processes shares robots out.
+    rests on. Some 10 s a trial, 10 to 25 s a mark, 3 s a look, 2 s for each of 50 other ways, and
+    10 minutes a robot; --processes shares robots out.
     """
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 

@@ -46,7 +46,8 @@ def run_apart(
     """Let robots go through the test in several processes, and put what happened together.
 
     A process ends where one of its own robots fails, but for looks that surprise and marks that are
-    missed, of which all tell together; a stage that one did not begin counts as not begun.
+    missed, of which all tell together; a stage that one did not begin counts as not begun, but for
+    one whose robots all refuse their mirrors.
 
     Args:
         world: As of `run_stages`, and all up to `plate` likewise.
@@ -118,14 +119,16 @@ def together(parts: Sequence[MirrorTest]) -> MirrorTest:
         {seed: age for stage in encounters for seed, age in stage.latencies.items()},
     )
     errors = [part.error for part in parts if part.error is not None]
+    # A share of whose robots none trusts its mirrors has nobody to go on.
+    trusting = [one for one in parts if one.mirrors is None or one.mirrors.places] or parts
     whole = MirrorTest(
         met,
         _joined(parts, "images", lambda found: ImageStage(_all(found, "trials"))),
         _joined(parts, "mirrors", _mirrors),
-        _joined(parts, "structure", _structure),
-        _joined(parts, "unmarked", _unmarked),
-        _joined(parts, "marks", _marks),
-        _joined(parts, "touches", _touches),
+        _joined(trusting, "structure", _structure),
+        _joined(trusting, "unmarked", _unmarked),
+        _joined(trusting, "marks", _marks),
+        _joined(trusting, "touches", _touches),
         errors[0] if errors else None,
     )
     return ended(whole)
