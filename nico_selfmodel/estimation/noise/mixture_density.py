@@ -97,7 +97,7 @@ class MixtureDensity:
         A false detection may lie anywhere, near or far:
         u = Gamma((d + 1) / 2) / Gamma(1 / 2) / sqrt(pi^d |S1|) (1 + r' S1^-1 r)^(-(d + 1) / 2)
         (multivariate t of one degree of freedom; Kotz, Nadarajah 2004), d its coordinates. Nearer
-        than r' S1^-1 r = d it is as there: in its middle it is e^10 times as dense as the tail
+        than r' S1^-1 r = d it is as there: in its middle it is e^20 times as dense as the tail
         where 20 coordinates are measured, and residuals that are smaller than expected would look
         like false detections.
         """
