@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.estimation.mirrors.body_alignment import AlignedView, Alignment, BodyMotion
 from nico_selfmodel.experiments.mirror_test import touches
 from nico_selfmodel.experiments.mirror_test.touches import SEEN_ON, TRIES, TouchJudge
 from nico_selfmodel.geometry.transform import apply, inverse
@@ -25,6 +26,7 @@ POSTURES = np.array([
     [-1.0, 0.5, 0.3, -1.6, 0.0, 0.0],
 ])  # fmt: skip
 """The hand before the chest [rad]."""
+HANGING = np.array([0.0, 0.3, 0.0, -0.2, 0.0, 0.0])
 
 
 @pytest.fixture(scope="module")
@@ -78,9 +80,55 @@ def test_an_arm_is_not_seen_where_joints_so_loose_hardly_ever_stand(known, touch
     assert not seen.attached[0].all()
     assert seen.hand >= {"right_hand", FINGER}
     assert np.allclose(servos.to_encoder(seen.q[None])[0], seen.readings)
-    off = np.abs(seen.q - servos.to_joint(shot.readings[None])[0])
-    monkeypatch.setattr(seen_arm, "LOOSE", 0.2 * np.linalg.norm(off))  # chi-square 25 of 6
-    assert see_arm(toucher._image, known.body, shot) is None
+    for far, there in ((4.70, True), (4.78, False)):  # chi-square 22.1 and 22.8 of 6
+        steps = iter([far * seen_arm.LOOSE, 0.0, 0.0])
+
+        def turned(views, *_, steps=steps):
+            change = np.zeros(len(views[0].moved) + 3)
+            change[3] = next(steps)
+            return Alignment(change, np.eye(len(change)))
+
+        monkeypatch.setattr(seen_arm, "alignment_step", turned)
+        assert (see_arm(toucher._image, known.body, shot) is not None) == there
+
+
+@pytest.mark.slow
+def test_joints_do_not_turn_far_to_explain_an_arm_that_is_shifted(known, toucher, monkeypatch):
+    """Of a hanging arm two joints turn about nearly one line, and hardly move it together."""
+    looks, servos = toucher._looks, known.robot.model.servos
+    shot = looks.shot(MIRROR, servos.to_encoder(HANGING[None])[0])
+    start, shifted = servos.to_joint(shot.readings[None])[0], np.eye(4)
+    shifted[:3, 3] = known.body.X_WB[:3, 3] + [0.0, 6e-4, 0.0]
+
+    def turned(stands):
+        toucher._image.hold(known.body.angles, stands)
+        return np.abs(see_arm(toucher._image, known.body, shot).q - start)
+
+    plain, far = turned(known.body.X_WB), turned(shifted)
+    monkeypatch.setattr(seen_arm, "_SHOULDER", 1e-7)
+    farther = turned(shifted)
+    toucher._image.hold(known.body.angles, known.body.X_WB)
+    assert np.abs(far - plain).max() < 0.5 * np.abs(farther - plain).max()
+
+
+def test_shades_of_a_limb_tell_nothing_of_how_it_stands_and_its_edges_do(monkeypatch):
+    """A picture that gets brighter from column to column, by more and more."""
+    levels = np.cumsum(np.arange(20.0) / 2.0)
+    expected = np.repeat(np.tile(levels, (10, 1))[:, :, None], 3, axis=2)
+    everywhere, nowhere = np.ones((10, 20), bool), np.zeros((10, 20), bool)
+
+    def view(*_, **__):
+        moved = np.stack([everywhere, nowhere])
+        return AlignedView(0, 0, expected, expected, np.ones((10, 20)), everywhere, moved)
+
+    monkeypatch.setattr(seen_arm, "aligned_view", view)
+    monkeypatch.setattr(seen_arm._Standing, "attached", lambda *_: nowhere)
+    ways = [(BodyMotion(np.eye(3)[0], np.zeros(3)), frozenset({"arm"}))] * 2
+    standing = seen_arm._Standing(None, None, None, ways, frozenset(), {})
+    slope = np.gradient(levels)
+    np.testing.assert_array_equal(standing.view(0, 1.0).used[5], slope > 8.0)
+    assert (slope > 8.0).any()
+    assert (slope[slope < 8.0] > 7.0).any()
 
 
 @pytest.mark.slow

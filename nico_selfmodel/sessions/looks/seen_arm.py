@@ -29,10 +29,16 @@ LOOSE = np.radians(0.7)
 0.6 deg, and slip by 1.2 deg once in eight postures [rad]."""
 _HELD = 1e-5
 """What mirrors may be off by meanwhile: they are known, and the arm is asked for [rad, m]."""
+_SHOULDER = 5e-4
+"""What the whole arm may stand beside where it was learned, each coordinate: where two joints turn
+about nearly the same line they would go far to explain it [m]."""
 _SMOOTH, _STILL = (3.0, 1.0, 1.0, 1.0), 2e-3
 """What pictures are smoothed by in each step of the search, coarse ones first, for a hand may be
 seen five pixels from where encoders have it [px]; and by what no joint turns any more in the last
 of them [rad]."""
+_EDGE = 8.0
+"""Change from pixel to pixel that counts as an edge: shades of a round limb hardly tell how it is
+turned about itself, and took joints 3 deg away [grey levels]."""
 _SELDOM = 1e-3
 """How seldom joints stand farther from their encoders than where they may be seen."""
 MARKER = 0.02
@@ -81,7 +87,9 @@ def see_arm(image: BodyImage, known: KnownBody, shot: Shot) -> SeenArm | None:
     Encoders say where joints are but for what is loose about them; all edges of the arm in the
     mirror, in both pictures, say the rest (`estimation.mirrors.body_alignment`), those with the
     room as it looks a little way beside them. The hand does not count: what is attached to it is
-    not as it is described, and fingers were seen to be farther off with it than without.
+    not as it is described, and fingers were seen to be farther off with it than without. Nor do
+    shades; and all of the arm may stand a little beside where it was learned, which is no matter
+    of its joints.
 
     Args:
         image: What the robot expects; it stands as is known.
@@ -95,18 +103,20 @@ def see_arm(image: BodyImage, known: KnownBody, shot: Shot) -> SeenArm | None:
     servos, mirrors = known.model.servos, [known.model.mirrors[name] for name in known.mirrors]
     start = servos.to_joint(shot.readings[None])[0]
     n, q, covariance = 3 * len(mirrors), start, np.zeros((len(start), len(start)))
-    prior = np.diag([*(_HELD**2,) * n, *(LOOSE**2,) * len(q)])
+    joints, shift = slice(n, n + len(q)), np.zeros(3)
+    prior = np.diag([*(_HELD**2,) * n, *(LOOSE**2,) * len(q), *(_SHOULDER**2,) * len(shift)])
     for smooth in _SMOOTH:
         now = _Standing.at(image, known, shot, q)
         views = [now.view(side, smooth) for side in range(len(SIDES))]
-        before = np.concatenate([np.zeros(n), q - start]), prior
-        ways = [motion for motion, _ in now.motions]
+        # What the whole arm is shifted by is not drawn: each picture shows all of it.
+        before = np.concatenate([np.zeros(n), q - start, shift]), prior
+        ways = [motion for motion, _ in now.ways]
         try:
             found = alignment_step(views, known.model.rig, mirrors, ways, before, AREA)
         except EstimationError:
             return None
-        q, covariance = q + found.change[n:], found.covariance[n:, n:]
-        if smooth == _SMOOTH[-1] and np.abs(found.change[n:]).max() < _STILL:
+        q, covariance = q + found.change[joints], found.covariance[joints, joints]
+        if smooth == _SMOOTH[-1] and np.abs(found.change[joints]).max() < _STILL:
             break
     if chi_square_tail(float(np.sum((q - start) ** 2)) / LOOSE**2, len(q)) < _SELDOM:
         return None
@@ -138,12 +148,21 @@ class _Standing:
         motions = [(BodyMotion(joint.axis, joint.p_WJ), joint.links) for joint in joints]
         return cls(image, known, now, motions, joints[-1].links, poses)
 
+    @property
+    def ways(self) -> Sequence[tuple[BodyMotion, frozenset[str]]]:
+        """How it may stand elsewhere: its joints, and all of it shifted."""
+        arm = self.motions[0][1]
+        return [*self.motions, *((BodyMotion(axis, None), arm) for axis in np.eye(3))]
+
     def view(self, side: int, smooth: float) -> AlignedView:
         """Hold the arm in one picture beside what is expected, but for its hand."""
         view = aligned_view(
-            self.known, self.image, self.shot, side, self.motions, arm=True, smooth=smooth
+            self.known, self.image, self.shot, side, self.ways, arm=True, smooth=smooth
         )
-        return replace(view, used=view.used & ~(self.attached(side) | view.moved[-1]))
+        down, right = np.gradient(view.expected, axis=(0, 1))
+        edges = np.hypot(right, down).max(axis=2) > _EDGE
+        hand = view.moved[len(self.motions) - 1]
+        return replace(view, used=view.used & edges & ~(self.attached(side) | hand))
 
     def attached(self, side: int) -> NDArray:
         """Return which pixels may show what is attached to the hand, or hides it. Shape (h, w)."""
