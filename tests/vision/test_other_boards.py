@@ -1,4 +1,4 @@
-"""ChArUco boards, AprilGrids and circle grids, against photographs of known truth and OpenCV."""
+"""Boards of all kinds, against photographs of known truth and OpenCV."""
 
 import re
 from functools import lru_cache
@@ -21,13 +21,27 @@ CHARUCO = board_of("charuco:8x6", 30, 22, "aruco_5x5_100")
 APRIL = board_of("aprilgrid:6x6", 57.2, 44)
 CIRCLES = board_of("circles:8x6", 30, 18)
 ASYMMETRIC = board_of("asymmetric-circles:4x11", 20)
-BOARDS = {"charuco": CHARUCO, "april": APRIL, "circles": CIRCLES, "asymmetric": ASYMMETRIC}
-HIDDEN = {"charuco": (0.3, 0.7), "april": (0.3, 0.7), "circles": (0, 0), "asymmetric": (0, 0)}
+CHESS = board_of("9x6", 30)
+BOARDS = {
+    "chess": CHESS,
+    "charuco": CHARUCO,
+    "april": APRIL,
+    "circles": CIRCLES,
+    "asymmetric": ASYMMETRIC,
+}
+HIDDEN = {
+    "chess": (0, 0),
+    "charuco": (0.3, 0.7),
+    "april": (0.3, 0.7),
+    "circles": (0, 0),
+    "asymmetric": (0, 0),
+}
 
 
 @pytest.fixture(scope="module")
 def prints():
     return {
+        "chess": printed_boards.chess_print(9, 6, 0.03),
         "charuco": printed_boards.charuco_print(9, 7, 0.03, 0.022, TAGS_5X5),
         "april": printed_boards.april_print(6, 6, 0.044, 0.3, TAGS_36H11),
         "thin": printed_boards.april_print(6, 6, 0.044, 0.3, TAGS_36H11, border=1),
@@ -61,6 +75,9 @@ def found_by_opencv(kind, image):
         parameters.markerBorderBits = 2
         _, ids, _ = cv2.aruco.ArucoDetector(TAGS_36H11, parameters).detectMarkers(image)
         return ids is not None and len(ids) >= 2
+    if kind == "chess":
+        flags = cv2.CALIB_CB_ADAPTIVE_THRESH + cv2.CALIB_CB_NORMALIZE_IMAGE
+        return cv2.findChessboardCorners(image, (9, 6), flags=flags)[0]
     flag = {"circles": cv2.CALIB_CB_SYMMETRIC_GRID, "asymmetric": cv2.CALIB_CB_ASYMMETRIC_GRID}
     size = (BOARDS[kind].columns, BOARDS[kind].rows)
     return cv2.findCirclesGrid(image, size, flags=flag[kind])[0]
@@ -77,9 +94,9 @@ def corner_errors(kind, seeds, photograph):
             continue
         ours += 1
         error = seen.corners - photo.pixels
-        if kind == "circles":  # looks the same after half a turn
+        if kind in ("chess", "circles"):  # looks the same after half a turn
             turned = seen.corners[::-1] - photo.pixels
-            error = min(error, turned, key=lambda e: np.abs(e).mean())
+            error = min(error, turned, key=lambda e: np.nanmean(np.abs(e)))
         errors.append(error[seen.seen])
     return np.concatenate(errors), ours, theirs
 
@@ -96,7 +113,7 @@ def assert_true(kind, seeds, photograph):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["charuco", "april", "circles", "asymmetric"])
+@pytest.mark.parametrize("kind", BOARDS)
 def test_points_are_where_they_are(kind, photograph):
     assert_true(kind, range(2), photograph)
 

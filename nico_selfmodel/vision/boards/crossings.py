@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.polynomial import Chebyshev
+from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 from numpy.typing import NDArray
 
 _At = tuple[NDArray, NDArray]
@@ -69,14 +69,16 @@ class Crossings:
         """
         part, low = _around(gray, corners, float(radius.max(initial=1.0)) + _ROOM)
         window = _Window(part, float(radius.max(initial=1.0)))
-        places, twice = corners - low, np.zeros((len(corners), 2), dtype=int)
-        found = _Turned(places, *np.ones((3, len(corners))))
+        places, twice = corners - low, np.full((len(corners), 2), -1)
+        found = _Turned(np.zeros_like(places), *np.ones((3, len(corners))))
         for _ in range(_STEPS):
-            before, twice = twice, np.rint(2.0 * places).astype(int)
-            if np.array_equal(before, twice):
+            there = np.rint(2.0 * places).astype(int)
+            new = np.flatnonzero((there != twice).any(axis=1))
+            if not len(new):
                 break
-            found = window.turned(twice, radius)
-            places = 0.5 * twice + np.clip(found.step, -_FARTHEST, _FARTHEST)
+            twice[new] = there[new]
+            found.take(new, window.turned(there[new], radius[new]))
+            places[new] = 0.5 * there[new] + np.clip(found.step[new], -_FARTHEST, _FARTHEST)
         return cls(places + low, found.sameness, found.contrast, found.along)
 
 
@@ -89,6 +91,11 @@ class _Turned:
     sameness: NDArray
     contrast: NDArray
     along: NDArray
+
+    def take(self, rows: NDArray, other: "_Turned") -> None:
+        """Put what was found about some of the places where they stand; indices, shape (k,)."""
+        for mine, its in zip(vars(self).values(), vars(other).values(), strict=True):
+            mine[rows] = its
 
 
 def _along(vectors: NDArray, b: NDArray, size: NDArray) -> NDArray:
@@ -111,38 +118,53 @@ class _Window:
         """Smooth a picture for windows of a radius."""
         half = int(np.ceil(widest)) + 1
         steps = np.arange(-half, half + 1)
-        self.around = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+        self.down, self.right = (part.ravel() for part in np.meshgrid(steps[half:], steps))
+        # Of each pair of opposite pixels one tells all: those farther down, or to the right.
+        kept = (self.down > 0) | (self.right >= 0)
+        self.down, self.right = self.down[kept], self.right[kept]
         self.image, self.slopes = _smooth(gray)
-        self.size = np.array(gray.shape[::-1])
+        self.size = gray.shape
 
     def halves(self, twice: NDArray, radius: NDArray) -> tuple[NDArray, _At, _At]:
-        """Return weights of pixels around places and opposite, (n, k), and indices of both.
+        """Return weights of pairs of opposite pixels around places, (n, k), and indices of both.
 
         Args:
             twice: Twice the places, whole numbers. Shape (n, 2).
             radius: Beyond which weights are zero. Shape (n,).
         """
-        one = twice[:, None] // 2 + self.around
-        other = twice[:, None] - one
-        inside = ((np.minimum(one, other) >= 0) & (np.maximum(one, other) < self.size)).all(axis=2)
-        share = np.sum((one - 0.5 * twice[:, None]) ** 2, axis=2) / radius[:, None] ** 2
+        ends, share, inside = [], 0.0, True
+        for axis, steps in ((1, self.down), (0, self.right)):
+            whole, limit = twice[:, axis, None], self.size[1 - axis]
+            one = whole // 2 + steps
+            other = whole - one
+            share = share + ((one - other) * (0.5 / radius[:, None])) ** 2
+            inside = inside & (np.minimum(one, other) >= 0) & (np.maximum(one, other) < limit)
+            ends.append((np.clip(one, 0, limit - 1), np.clip(other, 0, limit - 1)))
         weight = np.where(inside, np.maximum(1.0 - share, 0.0) ** 2, 0.0)
-        first, second = (np.clip(part, 0, self.size - 1) for part in (one, other))
-        return weight, (first[..., 1], first[..., 0]), (second[..., 1], second[..., 0])
+        odd = twice[:, ::-1, None] % 2 == 1
+        # About the middle of pixels a row or column has its opposite among the others: not twice.
+        level = self.down == 0
+        weight[(odd[:, 0] & level) | (odd[:, 1] & level & (self.right == 0))] = 0.0
+        weight[:, level & (self.right == 0)] *= 0.5
+        (row, row_beyond), (column, column_beyond) = ends
+        return weight, (row, column), (row_beyond, column_beyond)
 
     def turned(self, twice: NDArray, radius: NDArray) -> _Turned:
         """Compare what is around places with itself after half a turn; as `halves`."""
         weight, one, other = self.halves(twice, radius)
         weight = weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-12)
-        here, off = self.image[one], self.image[other] - self.image[one]
-        slope = self.slopes[one] - self.slopes[other]
-        b = np.einsum("nk,nka,nk->na", weight, slope, off)
-        told, vectors = np.linalg.eigh(np.einsum("nk,nka,nkb->nab", weight, slope, slope))
+        here, there = self.image[one], self.image[other]
+        off, slope = there - here, self.slopes[:, *one] - self.slopes[:, *other]
+        weighed = weight * slope
+        b = np.sum(weighed * off, axis=2).T
+        told, vectors = np.linalg.eigh(
+            np.moveaxis(np.array([[np.sum(u * v, axis=1) for v in slope] for u in weighed]), 2, 0)
+        )
         step = _along(vectors, b, 1.0 / np.maximum(told, 1e-9 * told[:, 1:] + 1e-12))
-        middle = np.sum(weight * here, axis=1, keepdims=True)
-        power = np.sum(weight * (here - middle) ** 2, axis=1)
-        unlike = np.sum(weight * (off - np.einsum("nka,na->nk", slope, step)) ** 2, axis=1)
-        same = 1.0 - 0.5 * unlike / np.maximum(power, 1e-12)
+        middle = 0.5 * np.sum(weight * (here + there), axis=1, keepdims=True)
+        power = 0.5 * np.sum(weight * ((here - middle) ** 2 + (there - middle) ** 2), axis=1)
+        left = off - step[:, 0, None] * slope[0] - step[:, 1, None] * slope[1]
+        same = 1.0 - 0.5 * np.sum(weight * left**2, axis=1) / np.maximum(power, 1e-12)
         return _Turned(step, same, np.sqrt(power), told[:, 0] / np.maximum(told[:, 1], 1e-12))
 
 
@@ -184,23 +206,34 @@ def _curvatures(line: NDArray, corners: NDArray) -> tuple[NDArray, NDArray]:
     """
     normals, curvatures = np.full_like(corners, np.nan), np.zeros(len(corners))
     level = np.rint((line - line.min()) / max(float(np.ptp(line)), 1e-12) * _LEVELS)
-    for rows in (np.flatnonzero(level == one) for one in np.unique(level)):
-        rows = rows[np.isfinite(corners[rows, 0])]
-        if len(rows) < 3:
-            continue
-        p = corners[rows] - corners[rows].mean(axis=0)
-        chord = np.linalg.svd(p, full_matrices=False)[2][0]
-        aside = np.array([-chord[1], chord[0]])
-        curve = Chebyshev.fit(p @ chord, p @ aside, min(len(rows) - 1, _DEGREE))
-        slope, bend = (curve.deriv(m)(p @ chord) for m in (1, 2))
-        length = np.hypot(1.0, slope)
-        normals[rows] = (aside - slope[:, None] * chord) / length[:, None]
-        curvatures[rows] = bend / length**3
+    seen = np.flatnonzero(np.isfinite(corners[:, 0]))
+    _, which, counts = np.unique(level[seen], return_inverse=True, return_counts=True)
+    in_lines = seen[np.argsort(which, kind="stable")]
+    for count in np.unique(counts[counts >= 3]).tolist():
+        rows = in_lines[np.repeat(counts == count, counts)].reshape(-1, count)
+        normals[rows], curvatures[rows] = _bends(corners[rows])
     return normals, curvatures
 
 
+def _bends(lines: NDArray) -> tuple[NDArray, NDArray]:
+    """Return normals and curvatures of lines. Shape (L, m, 2) -> (L, m, 2) and (L, m)."""
+    p = lines - lines.mean(axis=1, keepdims=True)
+    chord = np.linalg.svd(p, full_matrices=False)[2][:, 0]
+    aside = np.stack([-chord[:, 1], chord[:, 0]], axis=1)
+    x, y = (np.einsum("lmi,li->lm", p, way) for way in (chord, aside))
+    low, high = x.min(axis=1, keepdims=True), x.max(axis=1, keepdims=True)
+    stretch = 2.0 / np.maximum(high - low, 1e-12)
+    at = (x - low) * stretch - 1.0
+    powers = chebvander(at, min(lines.shape[1] - 1, _DEGREE))
+    curve = (np.linalg.pinv(powers) @ y[:, :, None]).swapaxes(0, 1)
+    slope, bend = (chebval(at, chebder(curve, m), tensor=False) * stretch**m for m in (1, 2))
+    length = np.hypot(1.0, slope)
+    normals = aside[:, None] - slope[:, :, None] * chord[:, None]
+    return normals / length[:, :, None], bend / length**3
+
+
 def _smooth(gray: NDArray) -> tuple[NDArray, NDArray]:
-    """Return a picture under a Gaussian filter, and its derivatives, (h, w) and (h, w, 2)."""
+    """Return a picture under a Gaussian filter, and its derivatives, (h, w) and (2, h, w)."""
     reach = int(np.ceil(4.0 * _BLUR))
     steps = np.arange(-reach, reach + 1.0)
     bell = np.exp(-0.5 * (steps / _BLUR) ** 2)
@@ -208,4 +241,4 @@ def _smooth(gray: NDArray) -> tuple[NDArray, NDArray]:
     bell, slope = bell / bell.sum(), slope / (slope @ steps)
     light = gray.astype(np.float32)
     parts = [cv2.sepFilter2D(light, -1, *kernels) for kernels in ((slope, bell), (bell, slope))]
-    return cv2.sepFilter2D(light, -1, bell, bell), np.stack(parts, axis=-1)
+    return cv2.sepFilter2D(light, -1, bell, bell), np.stack(parts)

@@ -30,6 +30,8 @@ _CONTRAST = 5.0
 """Least standard deviation of what is around a corner [grey levels]."""
 _EDGE = 1.0
 """Room between a window and the image's edge [px]."""
+_CLEAR = 0.8
+"""Share of the way to the next line in which nothing but a corner counts: boards end there."""
 _STRAIGHT = 0.01
 """By how much curved edges may move a corner [px]; where they would by more the window is made
 smaller: a tenth of it is not known."""
@@ -70,11 +72,29 @@ def exact_corners(
         board = BoardBehindLens.of_seen(points, found, size)
         found[lost] = located(gray, board.pixels_of(points[lost]), radius[lost])
         found = without_strays(points, found, size)
-    moved = np.linalg.norm(found - straightened(points, found, radius), axis=1)
+    return straight(points, gray, found, radius)
+
+
+def straight(points: NDArray, gray: NDArray, found: NDArray, radius: NDArray) -> NDArray:
+    """Take off what curved edges move places of symmetry by, in smaller windows where it is much.
+
+    Args:
+        points: The board's points, in any unit. Shape (P, 2).
+        gray: The image, 8 bits. Shape (h, w).
+        found: Places of symmetry, nan where not seen [px]. Shape (P, 2).
+        radius: Of the windows in which they were found [px]. Shape (P,).
+
+    Returns:
+        [px]. Shape (P, 2), nan where a corner is not plain to see.
+    """
+    straightened_once = straightened(points, found, radius)
+    moved = np.nan_to_num(np.linalg.norm(found - straightened_once, axis=1))
+    again = np.flatnonzero(moved > _STRAIGHT)
+    if not len(again):
+        return straightened_once
+    found, radius = found.copy(), radius.copy()
     # By the square of the window's radius.
-    small = radius * np.sqrt(_STRAIGHT / np.maximum(np.nan_to_num(moved), _STRAIGHT))
-    again = np.flatnonzero((small < radius) & np.isfinite(found[:, 0]))
-    radius[again] = np.maximum(small[again], _NARROWEST)
+    radius[again] = np.maximum(radius[again] * np.sqrt(_STRAIGHT / moved[again]), _NARROWEST)
     found[again] = located(gray, found[again], radius[again])
     return straightened(points, found, radius)
 
@@ -156,6 +176,18 @@ def without_strays(points: NDArray, corners: NDArray, image_size: tuple[int, int
 def seen_count(corners: NDArray) -> int:
     """Return how many corners are seen. Shape (P, 2)."""
     return int(np.count_nonzero(np.isfinite(corners[:, 0])))
+
+
+def clear_of_lines(maps: NDArray) -> NDArray:
+    """Return how far from a chessboard's corners there is nothing else [px].
+
+    Args:
+        maps: Steps to the next corner along a row and a column [px]. Shape (n, 2, 2).
+
+    Returns:
+        Shape (n,).
+    """
+    return _CLEAR * between_lines(maps)
 
 
 def between_lines(maps: NDArray) -> NDArray:

@@ -15,7 +15,7 @@ from nico_selfmodel.vision.boards.board_pattern import brightness, smoothed
 from nico_selfmodel.vision.boards.exact_corners import (
     FEWEST,
     WINDOW,
-    between_lines,
+    clear_of_lines,
     exact_corners,
     located,
 )
@@ -25,10 +25,8 @@ from nico_selfmodel.vision.images.image_array import reduced
 
 _SEARCHED = 2_500_000
 """Pixels of the copy in which a part of a board is looked for."""
-_CLEAR = 0.8
-"""Share of the way to the next line in which nothing but a corner counts: boards end there."""
-_NEAR = 0.2
-"""Share of a square by which a neighbour may lie off where the others have it."""
+_NEAR = 0.25
+"""Share of what is clear about a neighbour by which it may lie off where the others have it."""
 _LONGEST = 60
 """Rings that a part may grow by."""
 _FEWEST = 12
@@ -98,7 +96,7 @@ class Lattice:
     def _plain(self, gray: NDArray, window: int) -> "Lattice":
         """Return the corners that are plain to see, to a fraction of a pixel."""
         nodes = self.nodes.astype(float)
-        found = exact_corners(nodes, gray, self.corners, _clear, window)
+        found = exact_corners(nodes, gray, self.corners, clear_of_lines, window)
         seen = np.isfinite(found[:, 0])
         return Lattice(self.nodes[seen], found[seen])
 
@@ -121,11 +119,11 @@ class Lattice:
         beside = np.unique((self.nodes[:, None] + steps).reshape(-1, 2), axis=0)
         beside = beside[~_in(beside, self.nodes)]
         board = self._board(gray)
-        reach = _clear(board.steps_at(beside.astype(float)))
+        reach = clear_of_lines(board.steps_at(beside.astype(float)))
         rough = board.pixels_of(beside.astype(float))
         found = located(gray, rough, np.minimum(reach, window))
         dark = (self._darker(gray, board, beside) > 0.0).all(axis=1)
-        near = np.linalg.norm(found - rough, axis=1) < np.maximum(_NEAR / _CLEAR * reach, 1.0)
+        near = np.linalg.norm(found - rough, axis=1) < np.maximum(_NEAR * reach, 1.0)
         taken = np.linalg.norm(found[:, None] - self.corners, axis=2).min(axis=1) < 0.5 * reach
         new = np.isfinite(found[:, 0]) & near & dark & ~taken
         return Lattice(
@@ -151,11 +149,6 @@ class Lattice:
 def _in(nodes: NDArray, others: NDArray) -> NDArray:
     """Return which nodes are among others. Shapes (n, 2), (m, 2) -> (n,)."""
     return (nodes[:, None] == others).all(axis=2).any(axis=1)
-
-
-def _clear(steps: NDArray) -> NDArray:
-    """Return how far from corners there is nothing else [px]. Shape (n, 2, 2) -> (n,)."""
-    return _CLEAR * between_lines(steps)
 
 
 def any_lattice(gray: NDArray, window: int = WINDOW) -> Lattice | None:
