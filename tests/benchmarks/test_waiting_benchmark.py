@@ -132,7 +132,10 @@ def test_starts_of_exchanged_columns_take_less_time_at_once_than_pair_by_pair():
     assert ratio <= 0.7
 
 
-def test_boards_are_found_and_judged_in_a_few_times_opencvs_search(real_data_folder):
+def test_boards_are_found_in_a_few_times_opencvs_search_and_far_below_its_exact_one(
+    real_data_folder,
+):
+    """Corners as exact as ours are those of `findChessboardCornersSB`, told to be accurate."""
     board, folder = Board(9, 6, 0.025), real_data_folder / "stereo_chessboard"
     images = [cv2.imread(str(path), 0) for path in sorted(folder.glob("*.jpg"))]
     assert len(images) == 26
@@ -143,6 +146,15 @@ def test_boards_are_found_and_judged_in_a_few_times_opencvs_search(real_data_fol
             _, corners = cv2.findChessboardCorners(image, (9, 6), flags=flags)
             cv2.cornerSubPix(image, corners, (11, 11), (-1, -1), (3, 30, 0.1))
 
-    ratio = best_ratio(lambda: [board.find(image, 11) for image in images], opencv, rounds=3)
-    print(f"{ratio:.2f} times OpenCV's search")
-    assert ratio <= 1.9
+    def exact():
+        for image in images:
+            cv2.findChessboardCornersSB(image, (9, 6), flags=cv2.CALIB_CB_ACCURACY)
+
+    def ours():
+        for image in images:
+            board.find(image, 11)
+
+    ratio, of_exact = best_ratio(ours, opencv, rounds=3), best_ratio(ours, exact, rounds=1)
+    print(f"{ratio:.2f} times OpenCV's search, {of_exact:.2f} of its exact one")
+    assert ratio <= 3.3
+    assert of_exact <= 0.2

@@ -95,6 +95,17 @@ def test_a_search_that_comes_back_to_where_it_began_is_no_corner(monkeypatch):
 
     monkeypatch.setattr(chessboard_module.cv2, "cornerSubPix", one_fails)
     monkeypatch.setattr(cv2, "findChessboardCornersSB", lambda *_, **__: (False, None))
+    mended = find_chessboard(image, BOARD, 5)
+    assert mended.method == whole.method
+    assert np.abs(mended.corners - whole.corners).max() < 1e-3
+    symmetric = chessboard_module.located
+
+    def not_plain(*given):
+        found = symmetric(*given)
+        found[17] = np.nan
+        return found
+
+    monkeypatch.setattr(chessboard_module, "located", not_plain)
     seen = find_chessboard(image, BOARD, 5)
     assert seen.method == "corners that follow each other"
     assert (seen.seen.sum(), seen.loose) == (54, False)

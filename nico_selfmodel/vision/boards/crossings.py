@@ -23,12 +23,13 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 from numpy.typing import NDArray
 
-_At = tuple[NDArray, NDArray]
-"""Rows and columns of pixels."""
 _BLUR = 0.8
 """Standard deviation of the filter under which edges are smooth enough to be sampled [px]."""
 _STEPS = 10
-"""The half-integer place next to the corner is found in two or three."""
+"""A half-integer place next to the corner is found in two or three."""
+_NEAR = 0.26
+"""How far the corner lies from such a place, along either axis: more than a quarter, for one in the
+middle between two would go to and fro [px]."""
 _ALONG = (1.0 / 7.0, 0.32, 2.4)
 """Mean square of how far along an edge it is seen, by the radius [px]: the first is that of a sharp
 edge, the others of one as blurred as photographs are (0.7 px), found from drawn ones."""
@@ -69,16 +70,15 @@ class Crossings:
         """
         part, low = _around(gray, corners, float(radius.max(initial=1.0)) + _ROOM)
         window = _Window(part, float(radius.max(initial=1.0)))
-        places, twice = corners - low, np.full((len(corners), 2), -1)
+        places, twice = corners - low, np.full((len(corners), 2), -9)
         found = _Turned(np.zeros_like(places), *np.ones((3, len(corners))))
         for _ in range(_STEPS):
-            there = np.rint(2.0 * places).astype(int)
-            new = np.flatnonzero((there != twice).any(axis=1))
+            new = np.flatnonzero((np.abs(places - 0.5 * twice) > _NEAR).any(axis=1))
             if not len(new):
                 break
-            twice[new] = there[new]
-            found.take(new, window.turned(there[new], radius[new]))
-            places[new] = 0.5 * there[new] + np.clip(found.step[new], -_FARTHEST, _FARTHEST)
+            twice[new] = np.rint(2.0 * places[new]).astype(int)
+            found.take(new, window.turned(twice[new], radius[new]))
+            places[new] = 0.5 * twice[new] + np.clip(found.step[new], -_FARTHEST, _FARTHEST)
         return cls(places + low, found.sameness, found.contrast, found.along)
 
 
@@ -117,7 +117,7 @@ class _Window:
     def __init__(self, gray: NDArray, widest: float) -> None:
         """Smooth a picture for windows of a radius."""
         half = int(np.ceil(widest)) + 1
-        steps = np.arange(-half, half + 1)
+        steps = np.arange(-half, half + 1, dtype=np.int32)
         self.down, self.right = (part.ravel() for part in np.meshgrid(steps[half:], steps))
         # Of each pair of opposite pixels one tells all: those farther down, or to the right.
         kept = (self.down > 0) | (self.right >= 0)
@@ -125,46 +125,51 @@ class _Window:
         self.image, self.slopes = _smooth(gray)
         self.size = gray.shape
 
-    def halves(self, twice: NDArray, radius: NDArray) -> tuple[NDArray, _At, _At]:
-        """Return weights of pairs of opposite pixels around places, (n, k), and indices of both.
+    def halves(self, twice: NDArray, radius: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """Return weights of pairs of opposite pixels around places, and both, line by line.
 
         Args:
             twice: Twice the places, whole numbers. Shape (n, 2).
             radius: Beyond which weights are zero. Shape (n,).
+
+        Returns:
+            Shape (n, k) each.
         """
         ends, share, inside = [], 0.0, True
+        twice, size = twice.astype(np.int32), (0.5 / radius[:, None]).astype(np.float32)
         for axis, steps in ((1, self.down), (0, self.right)):
             whole, limit = twice[:, axis, None], self.size[1 - axis]
             one = whole // 2 + steps
             other = whole - one
-            share = share + ((one - other) * (0.5 / radius[:, None])) ** 2
+            share = share + ((one - other) * size) ** 2
             inside = inside & (np.minimum(one, other) >= 0) & (np.maximum(one, other) < limit)
             ends.append((np.clip(one, 0, limit - 1), np.clip(other, 0, limit - 1)))
-        weight = np.where(inside, np.maximum(1.0 - share, 0.0) ** 2, 0.0)
+        weight = np.where(inside, np.maximum(np.float32(1.0) - share, 0.0) ** 2, np.float32(0.0))
         odd = twice[:, ::-1, None] % 2 == 1
         # About the middle of pixels a row or column has its opposite among the others: not twice.
         level = self.down == 0
         weight[(odd[:, 0] & level) | (odd[:, 1] & level & (self.right == 0))] = 0.0
         weight[:, level & (self.right == 0)] *= 0.5
         (row, row_beyond), (column, column_beyond) = ends
-        return weight, (row, column), (row_beyond, column_beyond)
+        return weight, row * self.size[1] + column, row_beyond * self.size[1] + column_beyond
 
     def turned(self, twice: NDArray, radius: NDArray) -> _Turned:
         """Compare what is around places with itself after half a turn; as `halves`."""
         weight, one, other = self.halves(twice, radius)
-        weight = weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-12)
-        here, there = self.image[one], self.image[other]
-        off, slope = there - here, self.slopes[:, *one] - self.slopes[:, *other]
-        weighed = weight * slope
-        b = np.sum(weighed * off, axis=2).T
-        told, vectors = np.linalg.eigh(
-            np.moveaxis(np.array([[np.sum(u * v, axis=1) for v in slope] for u in weighed]), 2, 0)
-        )
+        weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-12)
+        here, there = self.image.take(one), self.image.take(other)
+        off, mean = there - here, 0.5 * (here + there)
+        right, down = (slope.take(one) - slope.take(other) for slope in self.slopes)
+        each = np.stack([right, down, off, mean], axis=1)
+        sums = np.asarray((each * weight[:, None]) @ each.swapaxes(1, 2), dtype=float)
+        b, H = sums[:, :2, 2], sums[:, :2, :2]
+        told, vectors = np.linalg.eigh(H)
         step = _along(vectors, b, 1.0 / np.maximum(told, 1e-9 * told[:, 1:] + 1e-12))
-        middle = 0.5 * np.sum(weight * (here + there), axis=1, keepdims=True)
-        power = 0.5 * np.sum(weight * ((here - middle) ** 2 + (there - middle) ** 2), axis=1)
-        left = off - step[:, 0, None] * slope[0] - step[:, 1, None] * slope[1]
-        same = 1.0 - 0.5 * np.sum(weight * left**2, axis=1) / np.maximum(power, 1e-12)
+        middle = np.einsum("nk,nk->n", weight, mean, dtype=float)
+        power = np.maximum(sums[:, 3, 3] + 0.25 * sums[:, 2, 2] - middle**2, 0.0)
+        bent = np.einsum("na,nab,nb->n", step, H, step)
+        unlike = sums[:, 2, 2] - 2.0 * np.sum(b * step, axis=1) + bent
+        same = 1.0 - 0.5 * unlike / np.maximum(power, 1e-12)
         return _Turned(step, same, np.sqrt(power), told[:, 0] / np.maximum(told[:, 1], 1e-12))
 
 
@@ -225,15 +230,16 @@ def _bends(lines: NDArray) -> tuple[NDArray, NDArray]:
     stretch = 2.0 / np.maximum(high - low, 1e-12)
     at = (x - low) * stretch - 1.0
     powers = chebvander(at, min(lines.shape[1] - 1, _DEGREE))
-    curve = (np.linalg.pinv(powers) @ y[:, :, None]).swapaxes(0, 1)
+    across = powers.swapaxes(1, 2)
+    curve = np.linalg.solve(across @ powers, across @ y[:, :, None]).swapaxes(0, 1)
     slope, bend = (chebval(at, chebder(curve, m), tensor=False) * stretch**m for m in (1, 2))
     length = np.hypot(1.0, slope)
     normals = aside[:, None] - slope[:, :, None] * chord[:, None]
     return normals / length[:, :, None], bend / length**3
 
 
-def _smooth(gray: NDArray) -> tuple[NDArray, NDArray]:
-    """Return a picture under a Gaussian filter, and its derivatives, (h, w) and (2, h, w)."""
+def _smooth(gray: NDArray) -> tuple[NDArray, list[NDArray]]:
+    """Return a picture under a Gaussian filter, and both its derivatives. Shape (h, w) each."""
     reach = int(np.ceil(4.0 * _BLUR))
     steps = np.arange(-reach, reach + 1.0)
     bell = np.exp(-0.5 * (steps / _BLUR) ** 2)
@@ -241,4 +247,4 @@ def _smooth(gray: NDArray) -> tuple[NDArray, NDArray]:
     bell, slope = bell / bell.sum(), slope / (slope @ steps)
     light = gray.astype(np.float32)
     parts = [cv2.sepFilter2D(light, -1, *kernels) for kernels in ((slope, bell), (bell, slope))]
-    return cv2.sepFilter2D(light, -1, bell, bell), np.stack(parts)
+    return cv2.sepFilter2D(light, -1, bell, bell), parts
