@@ -113,8 +113,8 @@ def find_chessboard(image: NDArray, board: Board, window: int = WINDOW) -> Board
     """Find the inner corners of a chessboard.
 
     OpenCV's `findChessboardCorners` (adaptive threshold, normalised image) comes first, its corners
-    moved to where the picture is symmetric about each (`crossings`): `cornerSubPix` alone is off by
-    up to 0.04 px. Where it fails, `findChessboardCornersSB`, which refines by itself. A smaller
+    moved to where the picture is symmetric about each (`crossings`), or, where one is not plain to
+    see, by `cornerSubPix`, which is off by up to 0.04 px. Where it fails, `findChessboardCornersSB`, which refines by itself. A smaller
     board inside a larger one is refused, as are corners that form no board, and squares with
     something in them. Where not all of a board is plain to see, as much of it is found as is.
 
@@ -171,30 +171,27 @@ def _refined(
             f"a window of {window} px on each side of a corner does not fit into a picture of "
             f"{gray.shape[1]}x{gray.shape[0]}: make it smaller (--window)"
         )
-    corners = cv2.cornerSubPix(gray, corners, (window, window), (-1, -1), _SUBPIXEL_END)
-    return _exact(gray, corners.reshape(board.rows, board.columns, 2), window), window
+    moved = cv2.cornerSubPix(gray, corners.copy(), (window, window), (-1, -1), _SUBPIXEL_END)
+    exact = _exact(gray, corners.reshape(board.rows, board.columns, 2).astype(float), window)
+    return np.where(np.isfinite(exact), exact, moved.reshape(-1, 2)), window
 
 
 def _exact(gray: NDArray, grid: NDArray, window: int) -> NDArray:
-    """Return where a whole board's corners are without what `cornerSubPix` errs by.
-
-    What is not plain to see, as where there is glare, stays where that has it.
+    """Return where a whole board's corners are, nan where they are not plain to see, as in glare.
 
     Args:
         gray: The image, 8 bits. Shape (h, w).
-        grid: Corners as `cornerSubPix` has them [px]. Shape (rows, columns, 2).
+        grid: Where they are to a pixel or two [px]. Shape (rows, columns, 2).
         window: Radius of the largest window [px].
 
     Returns:
         [px]. Shape (P, 2).
     """
     rows, columns = grid.shape[:2]
-    grid = grid.astype(float)
     steps = np.stack([np.gradient(grid, axis=1), np.gradient(grid, axis=0)], axis=-1)
     radius = np.minimum(clear_of_lines(steps.reshape(-1, 2, 2)), window)
-    rough, points = grid.reshape(-1, 2), grid_points(columns, rows, 1.0)[:, :2]
-    found = straight(points, gray, located(gray, rough, radius), radius)
-    return np.where(np.isfinite(found), found, rough)
+    points = grid_points(columns, rows, 1.0)[:, :2]
+    return straight(points, gray, located(gray, grid.reshape(-1, 2), radius), radius)
 
 
 def _problem(found: FoundSquares, board: Board, rough: NDArray, window: int | None) -> str | None:
