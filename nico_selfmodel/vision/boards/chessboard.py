@@ -114,9 +114,10 @@ def find_chessboard(image: NDArray, board: Board, window: int = WINDOW) -> Board
 
     OpenCV's `findChessboardCorners` (adaptive threshold, normalised image) comes first, its corners
     moved to where the picture is symmetric about each (`crossings`), or, where one is not plain to
-    see, by `cornerSubPix`, which is off by up to 0.04 px. Where it fails, `findChessboardCornersSB`, which refines by itself. A smaller
-    board inside a larger one is refused, as are corners that form no board, and squares with
-    something in them. Where not all of a board is plain to see, as much of it is found as is.
+    see, by `cornerSubPix`, which is off by up to 0.04 px. Where it fails,
+    `findChessboardCornersSB`, which refines by itself. A smaller board inside a larger one is
+    refused, as are corners that form no board, and squares with something in them. Where not all of
+    a board is plain to see, as much of it is found as is.
 
     A part may lie in several places on the board: shifted by whole squares, turned by quarters. It
     is listed in one of them, and `loose`, unless it has as many columns and rows as the board.
