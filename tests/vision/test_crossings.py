@@ -79,6 +79,14 @@ def test_straight_edges_and_lone_corners_stay():
     np.testing.assert_array_equal(straightened(points, corners, radius), corners)
 
 
+def test_corners_found_in_one_place_stay_there():
+    points = np.stack(np.meshgrid(np.arange(4.0), np.arange(3.0)), axis=-1).reshape(-1, 2)
+    corners = 20.0 * points
+    corners[:4] = corners[0]
+    corners[5] = corners[4]
+    assert np.isfinite(straightened(points, corners, np.full(len(points), 6.0))).all()
+
+
 def seen(image, start=(0.0, 0.0), radius=6.0):
     rough = np.full((1, 2), MIDDLE) + start
     return bool(np.isfinite(located(bytes_of(image), rough, np.array([radius]))).all())

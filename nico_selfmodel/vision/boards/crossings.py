@@ -230,8 +230,8 @@ def _bends(lines: NDArray) -> tuple[NDArray, NDArray]:
     stretch = 2.0 / np.maximum(high - low, 1e-12)
     at = (x - low) * stretch - 1.0
     powers = chebvander(at, min(lines.shape[1] - 1, _DEGREE))
-    across = powers.swapaxes(1, 2)
-    curve = np.linalg.solve(across @ powers, across @ y[:, :, None]).swapaxes(0, 1)
+    # Of points in one place no curve is told: the smallest one is taken.
+    curve = (np.linalg.pinv(powers) @ y[:, :, None]).swapaxes(0, 1)
     slope, bend = (chebval(at, chebder(curve, m), tensor=False) * stretch**m for m in (1, 2))
     length = np.hypot(1.0, slope)
     normals = aside[:, None] - slope[:, :, None] * chord[:, None]
