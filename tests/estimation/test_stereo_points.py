@@ -1,6 +1,7 @@
 """Arms learned through cameras that are themselves uncertain."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_camer
 from nico_selfmodel.model.cameras.rig_parameters import rig_names
 from nico_selfmodel.model.self_model import ParameterCovariance
 
+from .simulated_boards import RIG
 from .simulated_bodies import Truth, body, scenario
 
 
@@ -18,6 +20,21 @@ def through(cameras, seed=0):
     """Return the cameras' stereo and the arm that is learned through it."""
     stereo = StereoPoints.of(cameras, scenario(seed).train)
     return stereo, calibrate_kinematics(stereo.train, loss="none", starts=3)
+
+
+@pytest.mark.parametrize(("boards", "told"), [(0.02, 0.1), (0.3, 0.3), (None, None)])
+def test_pixels_of_a_hand_are_as_certain_as_its_sights_meet_and_no_more_than_those_of_boards(
+    boards, told
+):
+    rng = np.random.default_rng(0)
+    pixels = RIG.project(rng.uniform([-0.1, -0.1, 0.4], [0.1, 0.1, 0.6], (2000, 3)))
+    pixels = pixels + 0.1 * rng.normal(size=pixels.shape)
+    pixels[:10, 3] += 30.0  # one camera takes another thing for the hand
+    pixels[10:20, :2] = np.nan
+    cameras = SimpleNamespace(pixel_sigma=boards, rig=RIG)
+    train = SimpleNamespace(pixels=pixels)
+    found = StereoPoints(cameras, None, None, {"train": train}, {}).pixel_sigma
+    assert found is None if told is None else found == pytest.approx(told, rel=0.05)
 
 
 @pytest.mark.slow

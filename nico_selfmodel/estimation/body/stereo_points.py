@@ -27,7 +27,12 @@ from nico_selfmodel.estimation.results.calibration_result import (
     Finding,
 )
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
+from nico_selfmodel.optimization.losses import robust_scale
 from nico_selfmodel.optimization.uncertainty import Uncertainty
+
+_WILD = 4.0
+"""Standard deviations at which two sights that miss each other by more count, as those that one
+camera takes for another thing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +81,21 @@ class StereoPoints:
             points["test"] = reconstructed(seen["test"], seeing, None)
         return cls(seeing, points["train"], points.get("test"), seen, sights)
 
+    @property
+    def pixel_sigma(self) -> float | None:
+        """Standard deviation of a pixel coordinate of the hand [px].
+
+        Two sights leave one number, by how far they miss each other; a mark that is hard to locate
+        scatters by more than the corners of boards, which the cameras were learned from.
+        """
+        boards, pixels = self.cameras.pixel_sigma, self.pixels["train"].pixels
+        both = np.isfinite(pixels).all(axis=1)
+        if boards is None or not both.any():
+            return boards
+        apart = np.linalg.norm(self.cameras.rig.triangulate(pixels[both]).residuals, axis=1)
+        most = _WILD * robust_scale(apart, 1)
+        return max(boards, float(np.sqrt(np.mean(np.minimum(apart, most) ** 2))))
+
     def complete(self, calibration: KinematicCalibration) -> KinematicCalibration:
         """Return an arm's calibration with the cameras in its self-model.
 
@@ -83,7 +103,7 @@ class StereoPoints:
             the arm's sigmas too, and arm and cameras are correlated.
         """
         model = replace(
-            calibration.model, cameras=self.cameras.cameras, pixel_sigma=self.cameras.pixel_sigma
+            calibration.model, cameras=self.cameras.cameras, pixel_sigma=self.pixel_sigma
         )
         known, arm = self.cameras.covariance, calibration.uncertainty
         # A covariance may speak of an arm alone, whose cameras counted as exact.
