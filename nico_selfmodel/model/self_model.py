@@ -104,7 +104,8 @@ class SelfModel:
     cameras: Mapping[str, Camera] = field(default_factory=dict)
     """Cameras by name, of a pair `left` and `right`; the first is where others are told from."""
     pixel_sigma: float | None = None
-    """Standard deviation of a pixel coordinate about the model of the cameras [px]."""
+    """Standard deviation of a pixel coordinate about the model of the cameras, of the hand where an
+    arm was learned through them, else of boards' corners [px]."""
     mirrors: Mapping[str, Mirror] = field(default_factory=dict)
     """Mirrors before the cameras, by the name that data sets call them; each has its covariance."""
     bending: Bending | None = None

@@ -156,5 +156,5 @@ def test_boards_are_found_in_a_few_times_opencvs_search_and_far_below_its_exact_
 
     ratio, of_exact = best_ratio(ours, opencv, rounds=3), best_ratio(ours, exact, rounds=1)
     print(f"{ratio:.2f} times OpenCV's search, {of_exact:.2f} of its exact one")
-    assert ratio <= 3.3
+    assert ratio <= 1.9
     assert of_exact <= 0.2

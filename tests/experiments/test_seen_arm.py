@@ -105,7 +105,7 @@ def test_joints_do_not_turn_far_to_explain_an_arm_that_is_shifted(known, toucher
         return np.abs(see_arm(toucher._image, known.body, shot).q - start)
 
     plain, far = turned(known.body.X_WB), turned(shifted)
-    monkeypatch.setattr(seen_arm, "_SHOULDER", 1e-7)
+    monkeypatch.setattr(seen_arm, "SHOULDER", 1e-7)
     farther = turned(shifted)
     toucher._image.hold(known.body.angles, known.body.X_WB)
     assert np.abs(far - plain).max() < 0.5 * np.abs(farther - plain).max()

@@ -41,7 +41,7 @@ from nico_selfmodel.plant.touching.touch_planner import CLEAR, LEAN, NARROW
 from nico_selfmodel.sessions.looks.expecting import TURNED
 from nico_selfmodel.sessions.looks.least_unknown import COLOR_SIGMA, MOVING
 from nico_selfmodel.sessions.looks.mark_finder import ARM_SIGMA, LENS_SIGMA, PIXEL_SIGMA
-from nico_selfmodel.sessions.looks.seen_arm import LOOSE
+from nico_selfmodel.sessions.looks.seen_arm import EDGE, LOOSE, SHOULDER
 from nico_selfmodel.sessions.mirrors.knowing import TRUSTED
 from nico_selfmodel.sessions.mirrors.learned_shape import APART
 from nico_selfmodel.sessions.motion_session import PERIOD
@@ -159,6 +159,8 @@ NEAR_AND_LEAN = (
 )
 LINK_APART = f"{1e3 * APART:g} mm: derived from joints' 2 mm, looked at on 1853, 1893 and 1894"
 LOOSE_JOINTS = f"{np.degrees(LOOSE):.1f} deg: given"
+SET_SHOULDER = f"{1e3 * SHOULDER:g} mm: set on robots 1893 and 1912"
+SET_EDGE = f"{EDGE:g} grey levels from pixel to pixel: set on robots 1893 and 1912"
 SET_ARM = (
     f"{1e3 * MOVING:g} mm in pictures, {1e3 * ARM_SIGMA:g} mm of marks: set on robots 1893 and 1894"
 )
@@ -199,6 +201,8 @@ def _given() -> Table:
         ["how near the arm may come to the body, how far the finger may lean", NEAR_AND_LEAN],
         ["how much nearer than another's its own link's lines must be for a shape", LINK_APART],
         ["how loose its joints are in a look at its arm", LOOSE_JOINTS],
+        ["how far its whole arm may stand beside where it was learned, in a look", SET_SHOULDER],
+        ["what is an edge of its arm", SET_EDGE],
         ["how its arm stands in a look, where its finger came to", "seen, by the arm's edges"],
         ["what places of its arm's links are not known by", SET_ARM],
         ["how a link of its arm may be turned to the light", TURNED_TO_LIGHT],

@@ -29,14 +29,14 @@ LOOSE = np.radians(0.7)
 0.6 deg, and slip by 1.2 deg once in eight postures [rad]."""
 _HELD = 1e-5
 """What mirrors may be off by meanwhile: they are known, and the arm is asked for [rad, m]."""
-_SHOULDER = 5e-4
+SHOULDER = 5e-4
 """What the whole arm may stand beside where it was learned, each coordinate: where two joints turn
 about nearly the same line they would go far to explain it [m]."""
 _SMOOTH, _STILL = (3.0, 1.0, 1.0, 1.0), 2e-3
 """What pictures are smoothed by in each step of the search, coarse ones first, for a hand may be
 seen five pixels from where encoders have it [px]; and by what no joint turns any more in the last
 of them [rad]."""
-_EDGE = 8.0
+EDGE = 8.0
 """Change from pixel to pixel that counts as an edge: shades of a round limb hardly tell how it is
 turned about itself, and took joints 3 deg away [grey levels]."""
 _SELDOM = 1e-3
@@ -104,7 +104,7 @@ def see_arm(image: BodyImage, known: KnownBody, shot: Shot) -> SeenArm | None:
     start = servos.to_joint(shot.readings[None])[0]
     n, q, covariance = 3 * len(mirrors), start, np.zeros((len(start), len(start)))
     joints, shift = slice(n, n + len(q)), np.zeros(3)
-    prior = np.diag([*(_HELD**2,) * n, *(LOOSE**2,) * len(q), *(_SHOULDER**2,) * len(shift)])
+    prior = np.diag([*(_HELD**2,) * n, *(LOOSE**2,) * len(q), *(SHOULDER**2,) * len(shift)])
     for smooth in _SMOOTH:
         now = _Standing.at(image, known, shot, q)
         views = [now.view(side, smooth) for side in range(len(SIDES))]
@@ -160,7 +160,7 @@ class _Standing:
             self.known, self.image, self.shot, side, self.ways, arm=True, smooth=smooth
         )
         down, right = np.gradient(view.expected, axis=(0, 1))
-        edges = np.hypot(right, down).max(axis=2) > _EDGE
+        edges = np.hypot(right, down).max(axis=2) > EDGE
         hand = view.moved[len(self.motions) - 1]
         return replace(view, used=view.used & edges & ~(self.attached(side) | hand))
 
