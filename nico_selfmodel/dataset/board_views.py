@@ -11,6 +11,8 @@ from nico_selfmodel.errors import DataError
 from nico_selfmodel.names import check_name
 
 _FEWEST_CORNERS = 4
+_ON_LINE = 1e-12
+"""Scatter across a line, over that along it, below which corners lie on it: of rounding alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,13 +81,11 @@ class BoardViews:
 
     @property
     def placing(self) -> NDArray:
-        """Whether a camera saw four corners of a board that are not on one line. Shape (V, C)."""
+        """Whether a camera saw four corners, no three of them on one line. Shape (V, C)."""
         seen = self.seen
         placing = np.array(seen.all(axis=2))
         for v, c in np.argwhere(seen.any(axis=2) & ~placing):
-            points = self.p_GQ[seen[v, c]]
-            spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-            placing[v, c] = len(points) >= _FEWEST_CORNERS and spread[1] >= 1e-6 * spread[0]
+            placing[v, c] = _have_homography(self.p_GQ[seen[v, c]])
         return placing
 
     def placeable(self) -> "BoardViews":
@@ -157,3 +157,20 @@ class BoardViews:
 def own_name(view: str, camera: str) -> str:
     """Return what a view of one camera is called that has become a view of its own."""
     return f"{view} {camera}"
+
+
+def _have_homography(points: NDArray) -> bool:
+    """Tell whether four corners are no three on one line: whichever is left out, a plane stays.
+
+    Of a line of corners and one beside it, images tell no homography.
+
+    Args:
+        points: Corners in the board's plane. Shape (n, 3).
+    """
+    count = len(points)
+    if count < _FEWEST_CORNERS:
+        return False
+    p = points - points.mean(axis=0)
+    without = p.T @ p - count / (count - 1.0) * p[:, :, None] * p[:, None]
+    spread = np.linalg.eigvalsh(without)
+    return bool((spread[:, 1] > _ON_LINE * spread[:, 2]).all())

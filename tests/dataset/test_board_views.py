@@ -44,6 +44,28 @@ def test_views_are_chosen_by_number_in_that_order(views, rows):
     assert np.array_equal(chosen.pixels, views.pixels[[3, 1]], equal_nan=True)
 
 
+@pytest.mark.parametrize(
+    ("corners", "places"),
+    [
+        ([(0, 0), (0, 1), (1, 0)], False),
+        ([(0, 0), (0, 1), (0, 2), (0, 3)], False),
+        ([(0, 0), (0, 1), (0, 2), (1, 0)], False),
+        ([(0, 0), (1, 1), (2, 2), (3, 3), (0, 1)], False),
+        ([(0, 0), (0, 1), (1, 0), (1, 1)], True),
+        ([(0, 0), (0, 1), (0, 2), (1, 0), (1, 1)], True),
+    ],
+)
+def test_a_board_is_placed_by_four_corners_no_three_of_them_on_one_line(corners, places):
+    """A line of corners and one beside it tell no homography, and had ended in an error."""
+    p_GQ = np.array([(0.025 * i, 0.025 * j, 0.0) for i in range(4) for j in range(4)])
+    pixels = np.full((1, 16, 2), np.nan)
+    for i, j in corners:
+        pixels[0, 4 * i + j] = 100.0 + 20.0 * i, 50.0 + 20.0 * j
+    one = BoardViews(p_GQ, ("00",), ("left",), pixels, ((640, 480),))
+    assert one.placing.tolist() == [[places]]
+    assert len(one.placeable()) == places
+
+
 def test_views_are_chosen_by_a_mask(views):
     assert views.select(np.array([True, False, True, False])).names == ("01", "03")
     assert len(views.select(np.zeros(4, dtype=bool))) == 0

@@ -11,7 +11,8 @@ out; so they are where a rational lens ends before light does, and corners do no
 that was asked for is wrong where another one is far likelier, by the same measure.
 
 Where p1 and p2, held at zero, would explain more of the residuals than chance does, all is tried
-with both free, too: the lens is decentred if boards that were left out gain by that.
+with both free, too: the lens is decentred if boards that were left out gain by that. Where the
+polynomial with both leaves nothing in common and gains, no other lens is tried.
 
 Cameras of a rig have one lens, unless they are not alike: images of other sizes, or angles of view
 that differ by a fifth. Then the lenses that the boards of each camera by itself tell stand for
@@ -117,9 +118,14 @@ def lens_of(views: BoardViews, options: CameraOptions) -> LensChoice:
         return choice
     near = choice.calibration if choice.lens == POLYNOMIAL else None
     freed = _best_of(views, replace(options, tangential=True), near)
+    return _gaining(views, choice, replace(freed, decentred=decentred))
+
+
+def _gaining(views: BoardViews, choice: LensChoice, freed: LensChoice) -> LensChoice:
+    """Return the lens with p1 and p2 if boards that were left out gain by them, or without."""
     before, after = (evidence_of(views, one.options, one.calibration) for one in (choice, freed))
     if after is not None and (before is None or before.worse_than(after)):
-        return replace(freed, decentred=decentred, left_out=after.residuals)
+        return replace(freed, left_out=after.residuals)
     return choice if before is None else replace(choice, left_out=before.residuals)
 
 
@@ -157,6 +163,9 @@ def _best_of(
         found = calibrate_cameras(views, plain, near)
         if not asks_for_others(found, plain):
             return LensChoice(plain, found)
+        moved = _only_decentred(views, options, LensChoice(plain, found))
+        if moved is not None:
+            return moved
     except (EstimationError, ModelError) as error:
         tried = _tried(views, options, (FISHEYE, RATIONAL))
         tried |= _tried_apart(views, options, tried)
@@ -166,6 +175,24 @@ def _best_of(
     tried = _tried(views, options, LENSES)
     tried |= _tried_apart(views, options, tried)
     return _chosen(tried, {}) if tried else LensChoice(plain, found)
+
+
+def _only_decentred(
+    views: BoardViews, options: CameraOptions, choice: LensChoice
+) -> LensChoice | None:
+    """Return the polynomial with p1 and p2 where they are all that its residuals ask for."""
+    decentred = _decentred(views, options, choice)
+    if not decentred:
+        return None
+    freed = replace(choice.options, tangential=True)
+    try:
+        found = calibrate_cameras(views, freed, choice.calibration)
+    except (EstimationError, ModelError):
+        return None
+    if asks_for_others(found, freed):
+        return None
+    better = _gaining(views, choice, LensChoice(freed, found, decentred=decentred))
+    return better if better.decentred else None
 
 
 def _decentred(views: BoardViews, options: CameraOptions, choice: LensChoice) -> tuple[str, ...]:
