@@ -5,12 +5,13 @@ than the one in the image may answer with a part of it, or with corners picked h
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.arrays import read_only
 from nico_selfmodel.geometry.homography import apply_homography, homography
 
 _ALTERNATING = 0.95  # of the pairs of neighbouring squares
@@ -103,22 +104,13 @@ class FoundSquares:
     @cached_property
     def _contrasts(self) -> NDArray:
         """`contrast` between the corners, and beyond them on each of four sides. Shape (5,)."""
-        rows, columns = self.grid.shape[:2]
-        across, down = np.arange(-0.5, columns), np.arange(-0.5, rows)
-        groups = (
-            _rectangle(across[1:-1], down[1:-1]),
-            *(_rectangle(across, [v]) for v in (-_BEYOND, rows - 1 + _BEYOND)),
-            *(_rectangle([u], down) for u in (-_BEYOND, columns - 1 + _BEYOND)),
-        )
-        squares = np.concatenate(groups)
-        kind = 2 * np.repeat(np.arange(len(groups)), [len(group) for group in groups])
-        kind += np.floor(squares).sum(axis=1) % 2 == 1  # the light ones
+        squares, kind = _around(*self.grid.shape[:2])
         pixels = apply_homography(self.homography, squares)
         height, width = self.smooth.shape
         visible = np.all((pixels >= 0.0) & (pixels <= (width - 1.0, height - 1.0)), axis=1)
         values, kind = brightness(self.smooth, pixels[visible]), kind[visible]
-        counts = np.bincount(kind, minlength=2 * len(groups)).reshape(-1, 2)
-        sums = np.bincount(kind, values, minlength=2 * len(groups)).reshape(-1, 2)
+        counts = np.bincount(kind, minlength=10).reshape(-1, 2)
+        sums = np.bincount(kind, values, minlength=10).reshape(-1, 2)
         dark, light = (sums / np.maximum(counts, 1)).T
         return np.where(counts.min(axis=1) < 2, np.nan, light - dark)
 
@@ -142,6 +134,24 @@ def smallest_square(grid: NDArray) -> float:
 def _rectangle(across: NDArray | list[float], down: NDArray | list[float]) -> NDArray:
     """Return all points of a rectangle, row by row. Shape (n, 2)."""
     return np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
+
+
+@lru_cache(maxsize=16)
+def _around(rows: int, columns: int) -> tuple[NDArray, NDArray]:
+    """Return middles of squares between corners, and beyond them on each of four sides.
+
+    Returns:
+        In units of squares, shape (n, 2); twice the number of the group, one more for light ones.
+    """
+    across, down = np.arange(-0.5, columns), np.arange(-0.5, rows)
+    groups = (
+        _rectangle(across[1:-1], down[1:-1]),
+        *(_rectangle(across, [v]) for v in (-_BEYOND, rows - 1 + _BEYOND)),
+        *(_rectangle([u], down) for u in (-_BEYOND, columns - 1 + _BEYOND)),
+    )
+    squares = np.concatenate(groups)
+    kind = 2 * np.repeat(np.arange(len(groups)), [len(group) for group in groups])
+    return read_only(squares), read_only(kind + (np.floor(squares).sum(axis=1) % 2 == 1))
 
 
 def _sum_beside(values: NDArray) -> NDArray:

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.polynomial.chebyshev import chebder, chebval, chebvander
+from numpy.polynomial.chebyshev import chebder, chebvander
 from numpy.typing import NDArray
 
 _BLUR = 0.8
@@ -33,12 +33,16 @@ middle between two would go to and fro [px]."""
 _ALONG = (1.0 / 7.0, 0.32, 2.4)
 """Mean square of how far along an edge it is seen, by the radius [px]: the first is that of a sharp
 edge, the others of one as blurred as photographs are (0.7 px), found from drawn ones."""
-_ROOM = 20.0
-"""Around all windows in the part of a picture that is looked at [px]."""
+_ROOM = 8.0
+"""Around all windows in the part of a picture that is looked at: what the filter reaches [px]."""
 _FARTHEST = 2.0
 """Largest step: a first guess is off by a pixel or two [px]."""
 _DEGREE = 4
 """Of the polynomial that an edge is."""
+_SLOPE = np.vstack([chebder(np.eye(_DEGREE + 1)), np.zeros(_DEGREE + 1)])
+"""From coefficients of such a polynomial, Chebyshev's, to those of its derivative."""
+_NO_CURVE = 1e-9
+"""What keeps a curve that points do not tell at nothing, over what one of them tells."""
 _LEVELS = 1e6
 """Shares of a board's height below which lines are the same."""
 _EDGE_ON = 0.1
@@ -68,9 +72,11 @@ class Crossings:
             corners: Where they are to a pixel or two. Shape (n, 2).
             radius: Within which nothing but the crossing counts [px]. Shape (n,).
         """
-        part, low = _around(gray, corners, float(radius.max(initial=1.0)) + _ROOM)
-        window = _Window(part, float(radius.max(initial=1.0)))
-        places, twice = corners - low, np.full((len(corners), 2), -9)
+        if not len(corners):
+            return cls(corners, *np.zeros((3, 0)))
+        window = _Window.around(gray, corners, float(radius.max()))
+        start = corners - window.corner
+        places, twice = start.copy(), np.full((len(corners), 2), -9)
         found = _Turned(np.zeros_like(places), *np.ones((3, len(corners))))
         for _ in range(_STEPS):
             new = np.flatnonzero((np.abs(places - 0.5 * twice) > _NEAR).any(axis=1))
@@ -78,8 +84,9 @@ class Crossings:
                 break
             twice[new] = np.rint(2.0 * places[new]).astype(int)
             found.take(new, window.turned(twice[new], radius[new]))
-            places[new] = 0.5 * twice[new] + np.clip(found.step[new], -_FARTHEST, _FARTHEST)
-        return cls(places + low, found.sameness, found.contrast, found.along)
+            moved = 0.5 * twice[new] + np.clip(found.step[new], -_FARTHEST, _FARTHEST)
+            places[new] = np.clip(moved, start[new] - window.widest, start[new] + window.widest)
+        return cls(places + window.corner, found.sameness, found.contrast, found.along)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,32 +105,55 @@ class _Turned:
             mine[rows] = its
 
 
-def _along(vectors: NDArray, b: NDArray, size: NDArray) -> NDArray:
-    """Return V diag(size) V' b. Shapes (n, 2, 2), (n, 2), (n, 2) -> (n, 2)."""
-    return np.einsum("nij,nj,nkj,nk->ni", vectors, size, vectors, b)
-
-
-def _around(gray: NDArray, corners: NDArray, room: float) -> tuple[NDArray, NDArray]:
-    """Return the part of a picture that holds corners, and its upper left pixel."""
-    size = np.array(gray.shape[::-1])
-    low = np.clip(np.floor(corners.min(axis=0, initial=np.inf) - room), 0, size - 1).astype(int)
-    high = np.clip(np.ceil(corners.max(axis=0, initial=0.0) + room), low + 1, size).astype(int)
-    return gray[low[1] : high[1], low[0] : high[0]], low
-
-
 class _Window:
-    """A smooth picture, and what of it lies around places."""
+    """A smooth part of a picture, and what of it lies around places."""
 
-    def __init__(self, gray: NDArray, widest: float) -> None:
-        """Smooth a picture for windows of a radius."""
-        half = int(np.ceil(widest)) + 1
-        steps = np.arange(-half, half + 1, dtype=np.int32)
-        self.down, self.right = (part.ravel() for part in np.meshgrid(steps[half:], steps))
+    def __init__(self, part: NDArray, corner: NDArray, size: NDArray, widest: float) -> None:
+        """Smooth a part of a picture.
+
+        Args:
+            part: What is around all windows, of the picture's edge where it ends. Shape (h, w).
+            corner: Its upper left pixel in the picture.
+            size: Width and height of the picture.
+            widest: Radius of the largest window, and how far places move at most [px].
+        """
+        self.corner, self.widest, self.width = corner, widest, part.shape[1]
+        self.first, self.last = -corner, size - 1 - corner
+        """Pixels of the picture in the part."""
+        *self.slopes, self.light = (image.ravel() for image in _smooth(part))
+        self.half = int(np.ceil(widest)) + 1
+        steps = np.arange(-self.half, self.half + 1)
+        down, right = (one.ravel() for one in np.meshgrid(steps[self.half :], steps))
         # Of each pair of opposite pixels one tells all: those farther down, or to the right.
-        kept = (self.down > 0) | (self.right >= 0)
-        self.down, self.right = self.down[kept], self.right[kept]
-        self.image, self.slopes = _smooth(gray)
-        self.size = gray.shape
+        nearest = np.maximum(np.abs(right) - 0.5, 0.0) ** 2 + np.maximum(down - 0.5, 0.0) ** 2
+        kept = ((down > 0) | (right >= 0)) & (nearest < widest**2)
+        self.down, self.right = down[kept], right[kept]
+        self.steps = self.down * self.width + self.right
+        self.squares, self.once = self._by_phase()
+
+    @classmethod
+    def around(cls, gray: NDArray, corners: NDArray, widest: float) -> "_Window":
+        """Return the part of a picture that holds windows of a radius near corners."""
+        room, size = 2.0 * widest + _ROOM, np.array(gray.shape[::-1])
+        low = np.floor(corners.min(axis=0) - room).astype(int)
+        high = np.ceil(corners.max(axis=0) + room).astype(int) + 1
+        (left, top), (right, bottom) = np.maximum(-low, 0), np.maximum(high - size, 0)
+        part = gray[max(low[1], 0) : high[1], max(low[0], 0) : high[0]]
+        if left or top or right or bottom:
+            part = cv2.copyMakeBorder(part, top, bottom, left, right, cv2.BORDER_REPLICATE)
+        return cls(part, low, size, widest)
+
+    def _by_phase(self) -> tuple[NDArray, NDArray]:
+        """Return squares of distances from places, and how often their pairs count.
+
+        Places lie on pixels, or between two from left to right, up and down, or both. Shape (4, k).
+        """
+        x, y = np.array([0.0, 0.5, 0.0, 0.5])[:, None], np.array([0.0, 0.0, 0.5, 0.5])[:, None]
+        squares = (self.right - x) ** 2 + (self.down - y) ** 2
+        level, middle = self.down == 0, (self.down == 0) & (self.right == 0)
+        once = np.where(middle, 0.5, 1.0) * ~(level & (y > 0.0)) * ~(middle & (x > 0.0))
+        # About the middle of pixels a row or column has its opposite among the others: not twice.
+        return squares.astype(np.float32), once.astype(np.float32)
 
     def halves(self, twice: NDArray, radius: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Return weights of pairs of opposite pixels around places, and both, line by line.
@@ -135,42 +165,55 @@ class _Window:
         Returns:
             Shape (n, k) each.
         """
-        ends, share, inside = [], 0.0, True
-        twice, size = twice.astype(np.int32), (0.5 / radius[:, None]).astype(np.float32)
-        for axis, steps in ((1, self.down), (0, self.right)):
-            whole, limit = twice[:, axis, None], self.size[1 - axis]
-            one = whole // 2 + steps
-            other = whole - one
-            share = share + ((one - other) * size) ** 2
-            inside = inside & (np.minimum(one, other) >= 0) & (np.maximum(one, other) < limit)
-            ends.append((np.clip(one, 0, limit - 1), np.clip(other, 0, limit - 1)))
-        weight = np.where(inside, np.maximum(np.float32(1.0) - share, 0.0) ** 2, np.float32(0.0))
-        odd = twice[:, ::-1, None] % 2 == 1
-        # About the middle of pixels a row or column has its opposite among the others: not twice.
-        level = self.down == 0
-        weight[(odd[:, 0] & level) | (odd[:, 1] & level & (self.right == 0))] = 0.0
-        weight[:, level & (self.right == 0)] *= 0.5
-        (row, row_beyond), (column, column_beyond) = ends
-        return weight, row * self.size[1] + column, row_beyond * self.size[1] + column_beyond
+        odd, low = twice % 2, twice // 2
+        first, more = (x + self.width * y for x, y in (low.T, odd.T))
+        one, other = first[:, None] + self.steps, (first + more)[:, None] - self.steps
+        phase, size = odd[:, 0] + 2 * odd[:, 1], (radius[:, None] ** -2.0).astype(np.float32)
+        weight = np.maximum(np.float32(1.0) - self.squares[phase] * size, np.float32(0.0))
+        weight *= weight
+        weight *= self.once[phase]
+        cut = ((low - self.half < self.first) | (low + self.half >= self.last)).any(axis=1)
+        if cut.any():
+            weight[cut] *= self._in_picture(one[cut]) & self._in_picture(other[cut])
+        return weight, one, other
+
+    def _in_picture(self, index: NDArray) -> NDArray:
+        """Tell which pixels of the part are the picture's own. Boolean, shape as given."""
+        places = np.stack(np.divmod(index, self.width)[::-1], axis=-1)
+        return np.asarray(((places >= self.first) & (places <= self.last)).all(axis=-1))
 
     def turned(self, twice: NDArray, radius: NDArray) -> _Turned:
         """Compare what is around places with itself after half a turn; as `halves`."""
         weight, one, other = self.halves(twice, radius)
         weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-12)
-        here, there = self.image.take(one), self.image.take(other)
-        off, mean = there - here, 0.5 * (here + there)
-        right, down = (slope.take(one) - slope.take(other) for slope in self.slopes)
-        each = np.stack([right, down, off, mean], axis=1)
+        each = np.empty((len(weight), 4, weight.shape[1]), dtype=np.float32)
+        # By how much slopes to the right and down and light differ, and light's sum.
+        for row, image in enumerate((*self.slopes, self.light)):
+            np.subtract(image.take(one), image.take(other), out=each[:, row])
+        np.add(self.light.take(one), self.light.take(other), out=each[:, 3])
         sums = np.asarray((each * weight[:, None]) @ each.swapaxes(1, 2), dtype=float)
-        b, H = sums[:, :2, 2], sums[:, :2, :2]
-        told, vectors = np.linalg.eigh(H)
-        step = _along(vectors, b, 1.0 / np.maximum(told, 1e-9 * told[:, 1:] + 1e-12))
-        middle = np.einsum("nk,nk->n", weight, mean, dtype=float)
-        power = np.maximum(sums[:, 3, 3] + 0.25 * sums[:, 2, 2] - middle**2, 0.0)
+        b, H = -sums[:, :2, 2], sums[:, :2, :2]
+        told, step = _solved(H, b)
+        middle = 0.5 * np.einsum("nk,nk->n", weight, each[:, 3], dtype=float)
+        power = np.maximum(0.25 * (sums[:, 3, 3] + sums[:, 2, 2]) - middle**2, 0.0)
         bent = np.einsum("na,nab,nb->n", step, H, step)
         unlike = sums[:, 2, 2] - 2.0 * np.sum(b * step, axis=1) + bent
         same = 1.0 - 0.5 * unlike / np.maximum(power, 1e-12)
         return _Turned(step, same, np.sqrt(power), told[:, 0] / np.maximum(told[:, 1], 1e-12))
+
+
+def _solved(H: NDArray, b: NDArray) -> tuple[NDArray, NDArray]:
+    """Return eigenvalues of H, the lesser first, and H^-1 b, where nothing tells next to nothing.
+
+    Shapes (n, 2, 2) and (n, 2) -> (n, 2) and (n, 2).
+    """
+    x, y, both = H[:, 0, 0], H[:, 1, 1], H[:, 0, 1]
+    apart, mean = np.hypot(0.5 * (x - y), both), 0.5 * (x + y)
+    told = np.stack([mean - apart, mean + apart], axis=1)
+    least = 1e-9 * told[:, 1] + 1e-12
+    x, y = x + least, y + least
+    turned = np.stack([y * b[:, 0] - both * b[:, 1], x * b[:, 1] - both * b[:, 0]], axis=1)
+    return told, turned / np.maximum(x * y - both * both, least * least)[:, None]
 
 
 def straightened(points: NDArray, corners: NDArray, radius: NDArray) -> NDArray:
@@ -184,67 +227,83 @@ def straightened(points: NDArray, corners: NDArray, radius: NDArray) -> NDArray:
     Returns:
         Shape (P, 2); unchanged where the other corners tell the curvature of no edge.
     """
-    along = [_curvatures(points[:, axis], corners) for axis in (1, 0)]
-    normals = np.stack([normal for normal, _ in along], axis=1)
-    curvatures = np.stack([curvature for _, curvature in along], axis=1)
-    known = np.asarray(np.isfinite(normals).all(axis=(1, 2)))
-    crossed = np.linalg.det(np.where(known[:, None, None], normals, 0.0))
+    normals, curvatures = np.full((len(points), 2, 2), np.nan), np.zeros((len(points), 2))
+    seen = np.flatnonzero(np.isfinite(corners[:, 0]))
+    for way, axis in enumerate((1, 0)):
+        rows, on = _lines(points[seen, axis])
+        if len(rows):
+            rows = seen[rows]
+            normal, curvature = _bends(corners[rows], on)
+            normals[rows[on], way], curvatures[rows[on], way] = normal[on], curvature[on]
+    (a, b), (c, d) = np.moveaxis(normals, 0, 2)
+    crossed = a * d - b * c
     told = np.abs(crossed) > _EDGE_ON
-    shift = np.zeros_like(corners)
-    seen = np.polyval(_ALONG, radius[told])
-    off = 0.5 * seen[:, None] * curvatures[told]
-    shift[told] = np.linalg.solve(normals[told], off[:, :, None])[:, :, 0]
-    return corners - shift
+    off = 0.5 * np.polyval(_ALONG, radius)[:, None] * curvatures
+    shift = np.stack([d * off[:, 0] - b * off[:, 1], a * off[:, 1] - c * off[:, 0]], axis=1)
+    return np.where(told[:, None], corners - shift / np.where(told, crossed, 1.0)[:, None], corners)
 
 
-def _curvatures(line: NDArray, corners: NDArray) -> tuple[NDArray, NDArray]:
-    """Return normals and curvatures of the edge through each corner along one axis of the board.
+def _lines(line: NDArray) -> tuple[NDArray, NDArray]:
+    """Return which corners lie on a line of the board along one axis, three of them at least.
+
+    Args:
+        line: Coordinates across the axis, equal on a line. Shape (n,).
+
+    Returns:
+        Indices and where there are any, lines by their corners. Shape (L, m) each.
+    """
+    level = np.rint((line - line.min(initial=np.inf)) / max(np.ptp(line), 1e-12) * _LEVELS)
+    _, which, counts = np.unique(level, return_inverse=True, return_counts=True)
+    on = np.arange(counts.max(initial=0)) < counts[:, None]
+    rows = np.zeros(on.shape, dtype=int)
+    rows[on] = np.argsort(which, kind="stable")
+    told = counts >= 3
+    return rows[told], on[told]
+
+
+def _bends(lines: NDArray, on: NDArray) -> tuple[NDArray, NDArray]:
+    """Return normals and curvatures of the edge through each corner of lines.
 
     In the image each line of the board is a polynomial over its chord, however it is foreshortened.
 
     Args:
-        line: Coordinates across the axis, equal on a line. Shape (P,).
-        corners: Where they were found, nan where not seen [px]. Shape (P, 2).
+        lines: Corners [px]. Shape (L, m, 2).
+        on: Where there are any. Shape (L, m).
 
     Returns:
-        Shapes (P, 2), nan where no edge is told, and (P,) [1/px].
+        Shapes (L, m, 2) and (L, m) [1/px].
     """
-    normals, curvatures = np.full_like(corners, np.nan), np.zeros(len(corners))
-    level = np.rint((line - line.min()) / max(float(np.ptp(line)), 1e-12) * _LEVELS)
-    seen = np.flatnonzero(np.isfinite(corners[:, 0]))
-    _, which, counts = np.unique(level[seen], return_inverse=True, return_counts=True)
-    in_lines = seen[np.argsort(which, kind="stable")]
-    for count in np.unique(counts[counts >= 3]).tolist():
-        rows = in_lines[np.repeat(counts == count, counts)].reshape(-1, count)
-        normals[rows], curvatures[rows] = _bends(corners[rows])
-    return normals, curvatures
-
-
-def _bends(lines: NDArray) -> tuple[NDArray, NDArray]:
-    """Return normals and curvatures of lines. Shape (L, m, 2) -> (L, m, 2) and (L, m)."""
-    p = lines - lines.mean(axis=1, keepdims=True)
-    chord = np.linalg.svd(p, full_matrices=False)[2][:, 0]
+    count, on = on.sum(axis=1), on[:, :, None]
+    p = lines - np.sum(lines, axis=1, keepdims=True, where=on) / count[:, None, None]
+    scatter = np.swapaxes(p, 1, 2) @ (p * on)
+    turn = 0.5 * np.arctan2(2.0 * scatter[:, 0, 1], scatter[:, 0, 0] - scatter[:, 1, 1])
+    chord = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     aside = np.stack([-chord[:, 1], chord[:, 0]], axis=1)
-    x, y = (np.einsum("lmi,li->lm", p, way) for way in (chord, aside))
-    low, high = x.min(axis=1, keepdims=True), x.max(axis=1, keepdims=True)
+    x, y = p @ chord[:, :, None], p @ aside[:, :, None]
+    low = x.min(axis=1, keepdims=True, where=on, initial=np.inf)
+    high = x.max(axis=1, keepdims=True, where=on, initial=-np.inf)
     stretch = 2.0 / np.maximum(high - low, 1e-12)
-    at = (x - low) * stretch - 1.0
-    powers = chebvander(at, min(lines.shape[1] - 1, _DEGREE))
+    powers = chebvander(np.where(on, (x - low) * stretch - 1.0, 0.0)[:, :, 0], _DEGREE)
+    # Of few points no more is told than a polynomial through all of them.
+    told = powers * (on & (np.arange(_DEGREE + 1) < count[:, None, None]))
     # Of points in one place no curve is told: the smallest one is taken.
-    curve = (np.linalg.pinv(powers) @ y[:, :, None]).swapaxes(0, 1)
-    slope, bend = (chebval(at, chebder(curve, m), tensor=False) * stretch**m for m in (1, 2))
+    curve = np.linalg.solve(
+        np.swapaxes(told, 1, 2) @ told + _NO_CURVE * np.eye(_DEGREE + 1),
+        np.swapaxes(told, 1, 2) @ y,
+    )
+    slope = stretch * (powers @ (_SLOPE @ curve))
+    bend = stretch**2 * (powers @ (_SLOPE @ _SLOPE @ curve))
     length = np.hypot(1.0, slope)
-    normals = aside[:, None] - slope[:, :, None] * chord[:, None]
-    return normals / length[:, :, None], bend / length**3
+    normals = (aside[:, None] - slope * chord[:, None]) / length
+    return normals, (bend / length**3)[:, :, 0]
 
 
-def _smooth(gray: NDArray) -> tuple[NDArray, list[NDArray]]:
-    """Return a picture under a Gaussian filter, and both its derivatives. Shape (h, w) each."""
+def _smooth(gray: NDArray) -> list[NDArray]:
+    """Return a picture's slopes to the right and down, and itself, under a Gaussian filter."""
     reach = int(np.ceil(4.0 * _BLUR))
     steps = np.arange(-reach, reach + 1.0)
     bell = np.exp(-0.5 * (steps / _BLUR) ** 2)
     slope = steps * bell
     bell, slope = bell / bell.sum(), slope / (slope @ steps)
-    light = gray.astype(np.float32)
-    parts = [cv2.sepFilter2D(light, -1, *kernels) for kernels in ((slope, bell), (bell, slope))]
-    return cv2.sepFilter2D(light, -1, bell, bell), parts
+    kernels = ((slope, bell), (bell, slope), (bell, bell))
+    return [cv2.sepFilter2D(gray, cv2.CV_32F, *pair) for pair in kernels]
