@@ -6,13 +6,14 @@ import pytest
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import content_hash, load_dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
-from nico_selfmodel.errors import ModelError
+from nico_selfmodel.errors import EstimationError, ModelError
 from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
-from nico_selfmodel.planning.mirror_poses import free_space
+from nico_selfmodel.planning.mirror_poses import MirrorPoses, free_space
 from nico_selfmodel.planning.mirror_view import MirrorView
 from nico_selfmodel.sessions.camera_scenario import RenderedNico
+from nico_selfmodel.sessions.mirrors import nico_before_mirrors
 from nico_selfmodel.sessions.mirrors.mirror_scenario import held_out_rows
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import (
     DEFAULT_MIRROR,
@@ -90,6 +91,28 @@ def test_planned_poses_show_the_marker_in_the_glass_and_keep_off_it(nico, before
     guess = workspace.first_guess(station.joints)
     q = guess.servos.to_joint(np.array([command for _, command in plan]))
     assert free_space(guess.chain, rig, q).min() >= 0.05 - 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reached", [0, 3])
+def test_a_mirror_before_which_few_poses_can_be_reached_does_with_these_where_it_may(
+    before, monkeypatch, reached
+):
+    """Robot 1936 could reach three before one of twelve, and had learned no shape by it."""
+    plan_poses = nico_before_mirrors.plan_mirror_poses
+
+    def stuck(*args, **options):
+        found = plan_poses(*args, **options)
+        parts = (found.encoders, found.pixels, found.clearance, found.sigma)
+        partial = MirrorPoses(*(part[:reached] for part in parts)) if reached else None
+        raise EstimationError("no way", partial=partial)
+
+    station, rng = before.station(0), np.random.default_rng(0)
+    monkeypatch.setattr(nico_before_mirrors, "plan_mirror_poses", stuck)
+    plan, where = before.plan(station, 5, 0, rng, best=True, least=0)
+    assert len(plan) == len(where) == reached
+    with pytest.raises(EstimationError, match="no way"):
+        before.plan(station, 5, 0, rng, best=True)
 
 
 @pytest.mark.slow

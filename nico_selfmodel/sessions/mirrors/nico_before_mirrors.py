@@ -108,6 +108,7 @@ class NicoBeforeMirrors:
         rng: np.random.Generator,
         best: bool,
         spare: float = SPARE,
+        least: int | None = None,
     ) -> tuple[Plan, list[str]]:
         """Plan direct views, then every mirror, with some poses to spare.
 
@@ -116,6 +117,7 @@ class NicoBeforeMirrors:
             direct: Wanted without one.
             best: Choose the poses that tell most of a mirror; otherwise any.
             spare: Poses planned for each that is wanted.
+            least: Poses that each mirror must have; all that are wanted if omitted.
 
         Returns:
             The plan, and the mirror of each pose, empty for none.
@@ -137,11 +139,13 @@ class NicoBeforeMirrors:
                         guess, view.mirror, limits, count, rng, margin=0.0, candidates=commands
                     )
                 except EstimationError as error:
-                    chosen = error.partial
                     # Some to spare are welcome, but not needed.
-                    if not isinstance(chosen, MirrorPoses) or len(chosen.encoders) < poses:
+                    some = error.partial
+                    commands = some.encoders if isinstance(some, MirrorPoses) else commands[:0]
+                    if len(commands) < (poses if least is None else least):
                         raise
-                commands = chosen.encoders
+                else:
+                    commands = chosen.encoders
             else:
                 commands = rng.permutation(commands)[:count]
             plan += [("", command) for command in commands]
@@ -157,6 +161,7 @@ class NicoBeforeMirrors:
         *,
         best: bool = True,
         spare: float = SPARE,
+        least: int | None = None,
         folder: Path | None = None,
         keep_images: bool = False,
         progress: Callable[[int, int], None] | None = None,
@@ -170,6 +175,7 @@ class NicoBeforeMirrors:
             best: Choose the poses that tell most of a mirror; otherwise any.
             spare: Poses planned for each that is wanted before a mirror, visited until that many
                 show the hand to both cameras.
+            least: Poses that each mirror must have, see `plan`.
             folder: Where to keep samples from the first one on; resumed if it is there.
 
         Returns:
@@ -181,7 +187,7 @@ class NicoBeforeMirrors:
         with self.station(session) as station:
             body = StationBody(station, station.joints, self.nico.markers, keep_images=keep_images)
             rng = np.random.default_rng((self.nico.seed, session, 22))
-            plan, where = self.plan(station, poses, direct, rng, best, spare)
+            plan, where = self.plan(station, poses, direct, rng, best, spare, least)
             kept = RecordedSamples(
                 station.joints, self.nico.markers, self._about(station, name, session), folder
             )

@@ -89,7 +89,9 @@ def tell_mirrors(
         familiar=familiar, choices=_CHOICES,
     )  # fmt: skip
     told = telling(stage, "looking at its hand in mirrors for its shape")
-    data = shown_enough(before.record("shape", _DAY, HAND_POSES, spare=_SPARE, progress=told))
+    # A mirror before which hardly any pose can be reached does without; others tell the shape.
+    recorded = before.record("shape", _DAY, HAND_POSES, spare=_SPARE, least=0, progress=told)
+    data = shown_enough(recorded)
     found = calibrate_mirrors(data, model)
     open_ones = _left_open(found)
     if open_ones:
