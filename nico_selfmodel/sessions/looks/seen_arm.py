@@ -32,10 +32,14 @@ _HELD = 1e-5
 SHOULDER = 5e-4
 """What the whole arm may stand beside where it was learned, each coordinate: where two joints turn
 about nearly the same line they would go far to explain it [m]."""
-_SMOOTH, _STILL = (3.0, 1.0, 1.0, 1.0), 2e-3
-"""What pictures are smoothed by in each step of the search, coarse ones first, for a hand may be
-seen five pixels from where encoders have it [px]; and by what no joint turns any more in the last
-of them [rad]."""
+_COARSE, _FINE = 3.0, 1.0
+"""What pictures are smoothed by in a step of the search, coarse ones first, for a hand may be seen
+ten pixels from where encoders have it [px]."""
+_NEAR, _STILL = np.radians(0.5), 2e-3
+"""By what the joint that turns most does in a step after which pictures are fine, and after which
+the search ends [rad]."""
+_STEPS = 16
+"""In which it ends, or never: of a slip of 3 deg the first four find 2.2."""
 EDGE = 8.0
 """Change from pixel to pixel that counts as an edge: shades of a round limb hardly tell how it is
 turned about itself, and took joints 3 deg away [grey levels]."""
@@ -105,7 +109,9 @@ def see_arm(image: BodyImage, known: KnownBody, shot: Shot) -> SeenArm | None:
     n, q, covariance = 3 * len(mirrors), start, np.zeros((len(start), len(start)))
     joints, shift = slice(n, n + len(q)), np.zeros(3)
     prior = np.diag([*(_HELD**2,) * n, *(LOOSE**2,) * len(q), *(SHOULDER**2,) * len(shift)])
-    for smooth in _SMOOTH:
+    turned = np.inf
+    for _ in range(_STEPS):
+        smooth = _COARSE if turned > _NEAR else _FINE
         now = _Standing.at(image, known, shot, q)
         views = [now.view(side, smooth) for side in range(len(SIDES))]
         # What the whole arm is shifted by is not drawn: each picture shows all of it.
@@ -115,9 +121,12 @@ def see_arm(image: BodyImage, known: KnownBody, shot: Shot) -> SeenArm | None:
             found = alignment_step(views, known.model.rig, mirrors, ways, before, AREA)
         except EstimationError:
             return None
+        turned = float(np.abs(found.change[joints]).max())
         q, covariance = q + found.change[joints], found.covariance[joints, joints]
-        if smooth == _SMOOTH[-1] and np.abs(found.change[joints]).max() < _STILL:
+        if smooth == _FINE and turned < _STILL:
             break
+    else:
+        return None
     if chi_square_tail(float(np.sum((q - start) ** 2)) / LOOSE**2, len(q)) < _SELDOM:
         return None
     now = _Standing.at(image, known, shot, q)
