@@ -273,6 +273,14 @@ def test_images_that_were_not_taken_together_are_refused(noisy, order):
         calibrate_cameras(replace(noisy, pixels=shuffled))
 
 
+def test_the_one_pair_that_was_mixed_up_is_named(noisy):
+    mixed = noisy.pixels[:6].copy()
+    mixed[2, :, RIGHT] = mixed[3, :, RIGHT]
+    views = replace(noisy.select(range(6)), pixels=mixed)
+    with pytest.raises(EstimationError, match=rf"\(view {noisy.names[2]} [\d.]+ px, the others"):
+        calibrate_cameras(views, PLAIN)
+
+
 def test_a_camera_that_moves_between_the_images_is_noticed(X_LG):
     rng, pixels = np.random.default_rng(0), []
     for X in X_LG:

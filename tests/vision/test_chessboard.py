@@ -98,9 +98,12 @@ def test_a_board_over_exposed_or_absent_is_not_seen(draw_scene):
 
 
 def test_the_window_and_the_detector_are_stated():
-    seen = find_chessboard(rendered(9, 6, 5).image, BOARD, window=7)
-    assert (seen.window, seen.method) == (7, "findChessboardCorners")
+    image = rendered(9, 6, 5).image
+    seen = find_chessboard(image, BOARD, window=7)
+    assert (seen.window, seen.method) == (None, "findChessboardCorners")
     assert 20 < seen.smallest_square_px < 40
+    faint = find_chessboard(np.rint(120.0 + 0.04 * image).astype(np.uint8), BOARD, window=7)
+    assert (faint.window, faint.method) == (7, "findChessboardCorners")
     with pytest.raises(ValueError, match="window must be at least 1"):
         find_chessboard(rendered(9, 6, 5).image, BOARD, window=0)
 
@@ -153,3 +156,50 @@ def test_both_cameras_list_the_same_corners_in_the_same_order(real_data_folder):
     moved = left - right
     assert np.abs(moved - moved.mean(axis=1, keepdims=True)).max() < 80
     assert np.abs(moved[..., 1]).max() < 40
+
+
+def nearest(seen, truth):
+    """Return how far each corner that was seen is from the nearest true one. Shape (n,)."""
+    found = seen.corners[seen.seen]
+    return np.linalg.norm(found[:, None] - truth.points, axis=2).min(axis=1)
+
+
+@pytest.mark.parametrize("window", [1, 11])
+def test_a_faint_board_of_which_no_corner_is_plain_is_found_all_the_same(window):
+    """It had ended in an error of numpy's, and a whole calibration with it."""
+    truth = rendered(9, 6, 5)
+    faint = np.rint(120.0 + 0.04 * truth.image).astype(np.uint8)
+    seen = find_chessboard(faint, BOARD, 11)
+    assert seen.seen.all()
+    assert nearest(seen, truth).max() < 1.0
+    assert nearest(find_chessboard(truth.image, BOARD, window), truth).max() < 0.5
+
+
+def test_corners_that_only_the_second_detector_finds_are_exact_too():
+    """Its own are off by up to 0.7 px."""
+    truth = rendered(9, 6, 3)
+    seen = find_chessboard(255 - truth.image, BOARD)
+    assert seen.method == "findChessboardCornersSB"
+    assert seen.seen.all()
+    assert nearest(seen, truth).max() < 0.06
+
+
+def test_light_that_rises_from_side_to_side_moves_no_corner():
+    """It moved all of them alike, by 0.03 px and more."""
+    truth = rendered(9, 6, 5, noise=0.0)
+    across = np.linspace(0.3, 1.1, truth.image.shape[1])[None, :, None]
+    shaded = np.rint(np.minimum(truth.image * across, 255.0)).astype(np.uint8)
+    seen = find_chessboard(shaded, BOARD)
+    assert seen.seen.all()
+    assert np.abs((seen.corners - truth.points).mean(axis=0)).max() < 0.01
+
+
+@pytest.mark.parametrize("soft", [0.7, 3.0])
+def test_corners_at_the_edge_of_a_shadow_count_as_not_seen(soft):
+    """They were up to 5 px off, and taken."""
+    truth = rendered(9, 6, 5)
+    u = np.arange(truth.image.shape[1]) - truth.points[:, 0].mean() - 7.0
+    shadow = 0.35 + 0.65 / (1.0 + np.exp(-u / soft))
+    seen = find_chessboard(np.rint(truth.image * shadow[:, None]).astype(np.uint8), BOARD)
+    assert 0.75 * 54 <= seen.seen.sum() <= 54
+    assert nearest(seen, truth).max() < 0.25

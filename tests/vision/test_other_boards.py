@@ -173,6 +173,37 @@ def test_a_circle_with_glare_is_not_seen_and_the_rest_is(kind, aside, photograph
     assert np.nanmax(np.abs(seen.corners - photo.pixels)) < 0.1
 
 
+@pytest.mark.parametrize("kind", slow_rest(["asymmetric", "circles"]))
+@pytest.mark.parametrize("added", [False, True])
+def test_light_that_falls_off_moves_no_circle(kind, added, photograph):
+    """By a share of what is seen or added to it: it moved them by up to 0.4 px."""
+    photo = photograph(kind, 2000, 0.0)
+    across = np.linspace(-1.0, 1.0, photo.image.shape[1])
+    across = across.reshape(-1, *(1,) * (photo.image.ndim - 2)) * np.ones(photo.image.shape)
+    lit = 0.4 * photo.image + 85.0 + 60.0 * across if added else photo.image * (0.7 + 0.3 * across)
+    seen = BOARDS[kind].find(np.clip(np.rint(lit), 0, 255).astype(np.uint8), 11)
+    plain = BOARDS[kind].find(photo.image, 11)
+    assert seen.seen.all()
+    assert np.abs(seen.corners - plain.corners).max() < 0.08
+
+
+def test_small_circles_are_found_and_smaller_ones_told_to_be(photograph):
+    """Of less than 17 px all were said to lie at the image's edge, in glare, shadow or dirt."""
+    photo = photograph("circles", 2000, 0.0)
+    wide = CIRCLES._width_of(photo.pixels)
+    for width, found in ((12.0, True), (6.5, False)):
+        share = width / wide
+        size = tuple(int(share * n) for n in photo.image.shape[1::-1])
+        small = cv2.resize(photo.image, size, interpolation=cv2.INTER_AREA)
+        seen = CIRCLES.find(small, 11)
+        if found:
+            scale = np.array(size) / photo.image.shape[1::-1]
+            off = seen.corners - ((photo.pixels + 0.5) * scale - 0.5)
+            assert np.abs(off).max() < 0.1
+        else:
+            assert "px wide, at least 9 px" in seen.reason
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("columns", "seen"), [(2, True), (3, False)])
 def test_a_grid_is_seen_while_a_quarter_of_it_is_lost_at_most(

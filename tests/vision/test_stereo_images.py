@@ -1,12 +1,18 @@
 """Folders of photographs: pairs, and what is said of folders that hold none."""
 
+import warnings
+
 import cv2
 import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.vision.boards.board_detections import detect_boards, detect_boards_of_cameras
-from nico_selfmodel.vision.boards.board_images import camera_images, stereo_pairs
+from nico_selfmodel.vision.boards.board_images import (
+    camera_images,
+    images_of_one,
+    stereo_pairs,
+)
 from nico_selfmodel.vision.boards.chessboard import Board
 
 from .rendering import random_view, render_board
@@ -38,6 +44,17 @@ def test_pairs_come_in_the_order_of_their_numbers(folder):
     assert [name for name, _ in camera_images(folder, "right")] == ["1", "2", "10"]
 
 
+def test_a_camera_that_has_a_folder_of_its_own_needs_no_prefix(folder, tmp_path):
+    assert images_of_one(folder, "left") == camera_images(folder, "left")
+    with pytest.raises(DataError, match=r"no images cam0\*.png .* as a pattern: '.*/\*.png'"):
+        images_of_one(folder, "cam0")  # these are a pair's
+    own = tmp_path / "cam0"
+    own.mkdir()
+    for name in ("02.png", "10.png", "1.png"):
+        (own / name).write_bytes((folder / "left1.png").read_bytes())
+    assert [name for name, _ in images_of_one(own, "left")] == ["1", "02", "10"]
+
+
 def test_copies_of_photographs_are_left_out_by_name(folder):
     found = detect_boards(folder, BOARD, 4)
     with pytest.warns(UserWarning, match="copies of photographs are left out: 2 of 1$"):
@@ -65,6 +82,12 @@ def test_corners_that_one_camera_did_not_see_are_nan_with_the_reason(folder):
 
 
 def test_a_window_that_sees_neighbouring_corners_is_warned_of(folder):
+    """Of faint boards, whose corners are `cornerSubPix`'s; windows of plain ones are cut anyway."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        detect_boards(folder, BOARD, 16)
+    for path in folder.glob("*.png"):
+        cv2.imwrite(str(path), np.rint(120.0 + 0.04 * cv2.imread(str(path))).astype(np.uint8))
     with pytest.warns(UserWarning, match=r"squares are as small as .* take a smaller window"):
         detect_boards(folder, BOARD, 16)
 

@@ -15,6 +15,8 @@ _LARGEST_EPIPOLAR = 1.5
 """Distance from epipolar lines [px] above which a pair is looked at twice."""
 _LARGEST_RATIO = 5.0
 """The same against what each camera alone leaves unexplained."""
+_STANDS_OUT = 2.0
+"""Times what half of the views leave at most, from which on one is named."""
 _LARGEST_AT_START = 8.0
 """Median distance from epipolar lines [px] that a start may have beside what a camera leaves."""
 _SHORTEST_BASELINE = 1e-3
@@ -51,7 +53,7 @@ def check_pair(calibration: CameraCalibration, link: tuple[str, str], alone_rms:
     error = float(np.mean(_epipolar_errors(rig, views)))
     misfit = max(error, float(np.median(calibration.view_rms)))
     if misfit > max(_LARGEST_EPIPOLAR, _LARGEST_RATIO * alone_rms):
-        raise _no_pair(error, alone_rms)
+        raise _no_pair(error, alone_rms, _worst(rig, views))
     shared = np.all(views.seen.any(axis=2), axis=1)
     X_CG = rig.left.X_CW @ calibration.X_LG[~calibration.outliers][shared]
     depth = float(np.median(X_CG[:, 2, 3]))
@@ -87,13 +89,23 @@ def check_start(rig: StereoRig, views: BoardViews, alone_rms: float) -> None:
         raise _no_pair(error, alone_rms)
 
 
-def _no_pair(error: float, alone_rms: float) -> EstimationError:
+def _no_pair(error: float, alone_rms: float, worst: str = "") -> EstimationError:
     return EstimationError(
         f"this is no rigid pair of cameras: corners lie {error:.1f} px from their epipolar lines "
-        f"on average, while each camera alone fits to {alone_rms:.2f} px; were the images of a "
-        "pair taken together, is every left image paired with its own right one, and did the "
+        f"on average{worst}, while each camera alone fits to {alone_rms:.2f} px; were the images "
+        "of a pair taken together, is every left image paired with its own right one, and did the "
         "cameras keep still against each other?"
     )
+
+
+def _worst(rig: StereoRig, views: BoardViews) -> str:
+    """Name the view that lies farthest from its epipolar lines, if one stands out."""
+    each = [float(np.mean(_epipolar_errors(rig, views.select([v])))) for v in range(len(views))]
+    worst = int(np.argmax(each))
+    others = np.delete(each, worst)
+    if not len(others) or each[worst] < _STANDS_OUT * float(np.median(others)):
+        return ""
+    return f" (view {views.names[worst]} {each[worst]:.1f} px, the others less)"
 
 
 def _epipolar_errors(rig: StereoRig, views: BoardViews) -> NDArray:

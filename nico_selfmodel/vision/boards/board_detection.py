@@ -135,7 +135,8 @@ class BoardDetection:
     method: str
     """What found it: OpenCV's detector where it was one."""
     window: int | None
-    """Half side of the sub-pixel window [px]; None where the detector refines by itself."""
+    """Half side of the window of `cornerSubPix` [px], which neighbouring corners may draw; None
+    where it was not asked."""
     loose: bool = False
     """Whether it is a part that may as well lie elsewhere on the board."""
 

@@ -34,8 +34,32 @@ def camera_images(folder: str | Path, prefix: str) -> list[tuple[str, Path]]:
             )
         found[name] = path
     if not found:
-        raise DataError(f"{folder}: no images {prefix}*.png or {prefix}*.jpg; {_holds(folder)}")
+        raise DataError(
+            f"{folder}: no images {prefix}*.png or {prefix}*.jpg; {_holds(folder)}; other names "
+            f"are given as a pattern: '{folder}/*.png'"
+        )
     return list(found.items())
+
+
+def images_of_one(folder: str | Path, camera: str) -> list[tuple[str, Path]]:
+    """List the photographs of a camera that may have a folder of its own.
+
+    Args:
+        folder: Where they are.
+        camera: How their names begin; all photographs are this camera's if no name begins so, nor
+            like one of a pair of cameras.
+
+    Returns:
+        Name of the view and path, with view 2 before view 10.
+
+    Raises:
+        DataError: If the folder is missing, or holds no such image or two for one view.
+    """
+    paths = image_files(folder)
+    begins = tuple({camera.lower(), "left", "right"})
+    if not paths or any(path.stem.lower().startswith(begins) for path in paths):
+        return camera_images(folder, camera)
+    return camera_images(folder, "")
 
 
 def stereo_pairs(folder: str | Path) -> list[tuple[str, Path, Path]]:

@@ -20,9 +20,19 @@ from nico_selfmodel.vision.boards.board_detection import (
 from nico_selfmodel.vision.boards.board_pattern import FoundSquares, smallest_square
 from nico_selfmodel.vision.boards.board_search import SECTOR, rough_boards
 from nico_selfmodel.vision.boards.corner_order import rightwards, same_order, standard_order
-from nico_selfmodel.vision.boards.exact_corners import WINDOW, clear_of_lines, located, straight
+from nico_selfmodel.vision.boards.exact_corners import (
+    WINDOW,
+    clear_of_lines,
+    located,
+    straight,
+    without_strays,
+)
 from nico_selfmodel.vision.boards.lattice import any_lattice
-from nico_selfmodel.vision.boards.stray_corners import stray_corners
+from nico_selfmodel.vision.boards.stray_corners import (
+    BoardBehindLens,
+    stray_corners,
+    stray_points,
+)
 from nico_selfmodel.vision.images.image_array import detectable
 from nico_selfmodel.vision.images.not_seen import NotSeen
 
@@ -31,6 +41,8 @@ from nico_selfmodel.vision.images.not_seen import NotSeen
 # fitted to 0.409 px rms in place of 0.393.
 _SUBPIXEL_END = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.1)
 _GROWN = "corners that follow each other"
+_FEW_LOST = 0.25
+"""Share of a whole board's corners that may not be located; they count as not seen."""
 _SHARE_OF_PART = 0.25
 """Share of a board's corners below which a part is none."""
 
@@ -112,10 +124,11 @@ class Board:
 def find_chessboard(image: NDArray, board: Board, window: int = WINDOW) -> BoardDetection | NotSeen:
     """Find the inner corners of a chessboard.
 
-    OpenCV's `findChessboardCorners` (adaptive threshold, normalised image) comes first, its corners
-    moved to where the picture is symmetric about each (`crossings`), or, where one is not plain to
-    see, by `cornerSubPix`, which is off by up to 0.04 px. Where it fails,
-    `findChessboardCornersSB`, which refines by itself. A smaller board inside a larger one is
+    OpenCV's `findChessboardCorners` (adaptive threshold, normalised image) comes first, or, where
+    it fails, `findChessboardCornersSB`. Corners are moved to where the picture is symmetric about
+    each (`crossings`); where one is not plain to see, by `cornerSubPix`, which is off by up to
+    0.04 px, or left where the second detector has it, which is off by 0.3 px. A smaller board
+    inside a larger one is
     refused, as are corners that form no board, and squares with something in them. Where not all of
     a board is plain to see, as much of it is found as is.
 
@@ -140,43 +153,51 @@ def find_chessboard(image: NDArray, board: Board, window: int = WINDOW) -> Board
         if rough is None:
             reasons.append(f"{method} found no {board} board")
             continue
-        corners, used = _refined(gray, rough, board, method, scale, window)
+        corners, plain, used = _refined(gray, rough, board, method, scale, window)
         found = FoundSquares(corners.astype(float).reshape(board.rows, board.columns, 2), gray)
-        try:
-            problem = _problem(found, board, rough, used)
-        except ValueError:  # corners on one line have no homography
-            problem = f"no {board} board but scattered corners"
+        lost, problem = _judged(found, board, plain, rough, used)
         if problem:
             reasons.append(f"{method} found {problem}")
             continue
-        corners = read_only(standard_order(found).reshape(-1, 2))
-        return BoardDetection(board, corners, method, used)
+        ordered = np.array(standard_order(found).reshape(-1, 2))
+        if lost.any():
+            ordered[(ordered[:, None] == corners[lost]).all(axis=2).any(axis=1)] = np.nan
+            ordered = without_strays(board.points[:, :2], ordered, gray.shape[::-1])
+        return BoardDetection(board, read_only(ordered), method, used)
     part = _part(gray, board, window)
     return part if isinstance(part, BoardDetection) else NotSeen("; ".join([*reasons, part]))
 
 
 def _refined(
     gray: NDArray, rough: NDArray, board: Board, method: str, scale: float, window: int
-) -> tuple[NDArray, int | None]:
-    """Return corners to a fraction of a pixel, and the window they were refined with."""
-    if method == SECTOR and scale == 1.0:
-        return rough, None
+) -> tuple[NDArray, NDArray, int | None]:
+    """Return corners to a fraction of a pixel.
+
+    Returns:
+        Them, shape (P, 2), and which are: where most are plain to see the others are left where
+        they were. The window of `cornerSubPix`, if it was asked.
+    """
     corners = rough.reshape(-1, 1, 2).copy()
     if scale > 1.0:
         # A corner of a copy is uncertain by a pixel of it, which may be more than the window.
         square = smallest_square(rough.astype(float).reshape(board.rows, board.columns, 2))
         wide = int(max(min(2.0 * scale, 0.4 * square), 2.0))
         corners = cv2.cornerSubPix(gray, corners, (wide, wide), (-1, -1), _SUBPIXEL_END)
+    exact = _exact(gray, corners.reshape(board.rows, board.columns, 2).astype(float), window)
+    plain = np.asarray(np.isfinite(exact).all(axis=1))
+    left = np.where(plain[:, None], exact, corners.reshape(-1, 2))
+    if plain.mean() >= 1.0 - _FEW_LOST:
+        return left, plain, None
+    every = np.ones(len(plain), dtype=bool)
+    if method == SECTOR and scale == 1.0:
+        return left, every, None
     if 2 * window + 5 > min(gray.shape):
         raise ValueError(
             f"a window of {window} px on each side of a corner does not fit into a picture of "
             f"{gray.shape[1]}x{gray.shape[0]}: make it smaller (--window)"
         )
-    exact = _exact(gray, corners.reshape(board.rows, board.columns, 2).astype(float), window)
-    if np.isfinite(exact).all():
-        return exact, window
     moved = cv2.cornerSubPix(gray, corners, (window, window), (-1, -1), _SUBPIXEL_END)
-    return np.where(np.isfinite(exact), exact, moved.reshape(-1, 2)), window
+    return np.where(plain[:, None], exact, moved.reshape(-1, 2)), every, window
 
 
 def _exact(gray: NDArray, grid: NDArray, window: int) -> NDArray:
@@ -194,29 +215,52 @@ def _exact(gray: NDArray, grid: NDArray, window: int) -> NDArray:
     steps = np.stack([np.gradient(grid, axis=1), np.gradient(grid, axis=0)], axis=-1)
     radius = np.minimum(clear_of_lines(steps.reshape(-1, 2, 2)), window)
     points = grid_points(columns, rows, 1.0)[:, :2]
-    return straight(points, gray, located(gray, grid.reshape(-1, 2), radius), radius)
+    found = located(gray, grid.reshape(-1, 2), radius)
+    lost = np.isnan(found[:, 0])
+    if lost.any() and lost.mean() <= _FEW_LOST:
+        # A detector may have left one far from where it is: the others tell where to look.
+        board = BoardBehindLens.of_seen(points, found, gray.shape[::-1])
+        found[lost] = located(gray, board.pixels_of(points[lost]), radius[lost])
+    return straight(points, gray, found, radius)
 
 
-def _problem(found: FoundSquares, board: Board, rough: NDArray, window: int | None) -> str | None:
-    """Say what speaks against corners that a detector found; None where nothing does."""
+def _judged(
+    found: FoundSquares, board: Board, plain: NDArray, rough: NDArray, window: int | None
+) -> tuple[NDArray, str | None]:
+    """Return which corners were not located, and what speaks against a board that was found.
+
+    Args:
+        plain: Which corners count. Shape (P,).
+        rough: Where the detector had them. Shape (P, 2).
+        window: Of `cornerSubPix`, if it was asked.
+
+    Returns:
+        Truth values, shape (P,); None where nothing speaks against it.
+    """
+    lost = ~plain
     if not found.is_regular:
-        return f"no {board} board but scattered corners"
+        return lost, f"no {board} board but scattered corners"
     if not found.is_plain:
-        return f"a {board} board whose squares are not plain (is it a ChArUco board?)"
-    if found.continue_beyond:
-        return f"only a part of a board larger than {board}"
-    grid, image_size = found.grid, found.gray.shape[::-1]
-    stray = stray_corners(grid, image_size, window, found.homography).ravel()
+        return lost, f"a {board} board whose squares are not plain (is it a ChArUco board?)"
+    corners, size = found.grid.reshape(-1, 2), found.gray.shape[::-1]
+    try:
+        if found.continue_beyond:
+            return lost, f"only a part of a board larger than {board}"
+        if plain.all():
+            lost = stray_corners(found.grid, size, window, found.homography).ravel()
+        else:
+            lost[plain] = stray_points(board.points[plain, :2], corners[plain], size)
+    except ValueError:  # corners on one line have no homography
+        return lost, f"no {board} board but scattered corners"
     if window is not None:  # a search that left its window comes back to where it began
-        stray |= (grid.reshape(-1, 2) == rough).all(axis=1)
-    if stray.any():
-        u, v = grid.reshape(-1, 2)[int(np.argmax(stray))]
-        count = int(stray.sum())
-        return (
-            f"a {board} board, but {count} of its corners could not be located (near {u:.0f}, "
-            f"{v:.0f}): glare, a shadow, dirt, or a window too large for the squares"
-        )
-    return None
+        lost |= (corners == rough).all(axis=1)
+    if lost.mean() <= _FEW_LOST:
+        return lost, None
+    u, v = corners[int(np.argmax(lost))]
+    return lost, (
+        f"a {board} board, but {int(lost.sum())} of its corners could not be located (near "
+        f"{u:.0f}, {v:.0f}): glare, a shadow, dirt, or a window too large for the squares"
+    )
 
 
 def _part(gray: NDArray, board: Board, window: int) -> BoardDetection | str:

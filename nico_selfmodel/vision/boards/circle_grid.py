@@ -30,10 +30,22 @@ _REACH = 1.35
 """Radii up to which what is dark belongs to a circle."""
 _LOST = 0.25
 """Share of the circles that may not be plain to see: of more, it is no grid that was found."""
-_AROUND = 3.0
-"""What must be seen around a circle at the image's edge [px]: with 2 px it is 0.08 px off."""
+_AROUND, _LEAST_AROUND = 3.0, 1.5
+"""What must be seen around a circle at the image's edge: with 2 px it is 0.08 px off; and around
+others: small ones are blurred less far than they are apart [px]."""
+_NARROWEST = 2.0 * _LEAST_AROUND / (_REACH - 1.0)
+"""Width of a circle with so much around it [px]."""
 _ROUND = 48
 """Points on a circle."""
+_STEEPEST = 0.3
+"""Least contrast anywhere about a circle, of that in its middle: where light falls off by more than
+that a plane is no good."""
+_NOISE = 16.0
+"""Of pixels of 2 grey levels, over a half squared, by which ink may follow light otherwise than as
+a share of it."""
+_UNEVEN = 0.15
+"""What light around a circle, and ink in it, may differ from planes by, as a share of the
+contrast."""
 _CONTRAST = 15.0
 """Least difference of a circle and what is around it [grey levels]."""
 
@@ -115,6 +127,12 @@ class CircleGrid:
         except ValueError:  # circles on one line have no homography
             return NotSeen(f"no {self} grid but scattered spots")
         lost = np.isnan(centres[:, 0])
+        wide = self._width_of(rough)
+        if lost.sum() > _LOST * len(lost) and wide < _NARROWEST:
+            return NotSeen(
+                f"a {self} grid whose circles are {wide:.0f} px wide, at least {_NARROWEST:.0f} px "
+                "tell where their middles are: go nearer, or take larger pictures"
+            )
         if lost.sum() > _LOST * len(lost):
             u, v = rough[lost].mean(axis=0)
             return NotSeen(
@@ -122,6 +140,14 @@ class CircleGrid:
                 f"{u:.0f}, {v:.0f}): the image's edge, glare, a shadow or dirt"
             )
         return BoardDetection(self, read_only(centres), METHOD, None)
+
+    def _width_of(self, centres: NDArray) -> float:
+        """Return how wide the smallest circles are about [px]. Shape (P, 2)."""
+        seen, board = (
+            np.linalg.norm(p[:, None] - p, axis=2) + np.diag(np.full(len(p), np.inf))
+            for p in (centres, self.points[:, :2])
+        )
+        return float(self.diameter * (seen.min(axis=1) / board.min(axis=1)).min())
 
     def _rough(self, gray: NDArray) -> NDArray | None:
         """Return centres as OpenCV sees them; None where it sees no grid. Shape (P, 2)."""
@@ -187,12 +213,14 @@ def _centroid(outline: NDArray) -> NDArray:
 def _dark_centroid(gray: NDArray, wide: NDArray, outline: NDArray) -> NDArray:
     """Return the centroid of what is dark within an outline; nan where it is not plain to see.
 
-    What is light around it may fall off in any direction: it is taken as a plane.
+    What is light around it may fall off in any direction: it is taken as a plane. Where it is none,
+    as at the edge of a shadow, nothing is told.
     """
     middle, size = outline.mean(axis=0), np.array(gray.shape[::-1])
     room, reach = np.minimum(middle, size - 1.0 - middle), np.abs(wide - middle).max(axis=0)
     fits = min(1.0, float((room / reach).min()))
-    if (fits * reach - np.abs(outline - middle).max(axis=0)).min() < _AROUND:
+    around = float((fits * reach - np.abs(outline - middle).max(axis=0)).min())
+    if around < (_AROUND if fits < 1.0 else _LEAST_AROUND):
         return np.full(2, np.nan)
     wide = middle + fits * (wide - middle)
     low = np.maximum(np.floor(wide.min(axis=0)).astype(int) - 1, 0)
@@ -206,12 +234,36 @@ def _dark_centroid(gray: NDArray, wide: NDArray, outline: NDArray) -> NDArray:
         core, [np.rint((outline * 0.5 + middle * 0.5 - low) * 16).astype(np.int32)], 1, shift=4
     )
     rim = cv2.morphologyEx(inside, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 0
-    columns = np.stack([np.ones(rim.sum()), u[rim], v[rim]], axis=1)
-    plane, *_ = np.linalg.lstsq(columns, part[rim], rcond=None)
-    dark = (plane[0] + plane[1] * u + plane[2] * v) - part
-    contrast = float(dark[core > 0].mean()) if core.any() else 0.0
-    if contrast < _CONTRAST:
+    columns = np.stack([np.ones(part.shape), u, v], axis=2)
+    plane, *_ = np.linalg.lstsq(columns[rim], part[rim], rcond=None)
+    light = columns @ plane
+    inner = core > 0
+    if not inner.any():
         return np.full(2, np.nan)
-    weights = dark * (inside > 0)
+    dark, ink = light - part, _ink(light, light[inner], part[inner])
+    contrast = float(dark[inner].mean())
+    uneven = max(float(np.std(dark[rim])), float(np.std((part - ink)[inner])))
+    if contrast < _CONTRAST or uneven > _UNEVEN * contrast:
+        return np.full(2, np.nan)
+    # Of a pixel at the outline a part is dark, as light falls there.
+    weights = dark / np.maximum(light - ink, _STEEPEST * contrast) * (inside > 0)
     total = weights.sum()
     return np.array([(weights * u).sum(), (weights * v).sum()]) / total + low
+
+
+def _ink(light: NDArray, own: NDArray, seen: NDArray) -> NDArray:
+    """Return what ink looks like where it is lit as its surroundings are. Shape (h, w).
+
+    Light falls off by a share of what is seen, or is added to it: with s what ink follows light by,
+    s = ink / light of the one, 1 of the other, and what is seen of it tells, where that tells
+    anything.
+
+    Args:
+        light: Around a circle, continued into it. Shape (h, w).
+        own: The same where there is ink alone. Shape (n,).
+        seen: What is seen there. Shape (n,).
+    """
+    bright, black = own.mean(), seen.mean()
+    share, off = black / max(bright, 1.0), own - bright
+    follows = (_NOISE * share + off @ (seen - black)) / (_NOISE + off @ off)
+    return np.asarray(black + follows * (light - bright))

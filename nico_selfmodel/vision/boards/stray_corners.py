@@ -15,8 +15,8 @@ from nico_selfmodel.least_squares import levenberg_marquardt
 
 _SIGNIFICANT = 8.0
 """Standard deviations of a corner, where there are many others; of few they are less certain."""
-_FAR = 1.5
-"""Off by less, a corner is none that a search missed [px]."""
+_FAR = 0.3
+"""Off by less, a corner is none that a search missed, a shadow or glare drew [px]."""
 _WITHIN = 0.3
 """Share of a square up to which a window holds nothing of the neighbouring corners. A larger one is
 drawn towards them, ..."""
@@ -42,8 +42,7 @@ def stray_corners(
     Args:
         grid: Corners [px]. Shape (rows, columns, 2).
         image_size: Width and height of the image, about whose centre its lens bends [px].
-        window: Half side of the sub-pixel window that they were refined with [px]; None where the
-            detector refines by itself.
+        window: Half side of the window of `cornerSubPix` [px]; None where it was not asked.
         H: Homography from columns and rows to pixels, where it is known. Shape (3, 3).
 
     Returns:
