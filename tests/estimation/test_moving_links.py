@@ -66,6 +66,19 @@ def test_pixels_and_slopes_of_points_on_a_turned_link_agree():
         np.testing.assert_allclose(by_value[0, :, k], slope, rtol=1e-4, atol=1e-4)
 
 
+def test_what_moves_a_links_frame_in_all_poses_alike_is_no_error_of_its_shape():
+    views, _ = seen()
+    beside = views.beside_the_frame
+    motion = np.array([[1e-3, -2e-3, 5e-4], [2e-4, 1e-4, -3e-4]])
+    alike = np.concatenate([one.R_WF @ part for one in views.standpoints for part in motion])
+    np.testing.assert_allclose(beside @ alike, 0.0, atol=1e-17)
+    np.testing.assert_allclose(beside @ beside, beside, atol=1e-12)
+    assert np.linalg.matrix_rank(np.eye(len(beside)) - beside) == 6
+    still = tuple(InMirror(mirror, np.eye(4)) for mirror in mirrors())
+    mirrored = replace(views, standpoints=still, covariance=np.eye(3 * len(still)))
+    assert np.array_equal(mirrored.beside_the_frame, np.eye(3 * len(still)))
+
+
 def test_a_part_of_a_picture_shows_points_from_its_corner():
     views, _ = seen()
     p = CENTER[None]

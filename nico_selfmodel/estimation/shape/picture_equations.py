@@ -26,8 +26,10 @@ from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
 _LEVEL, _SHARE, _SHIFT = 1.2, 0.01, 0.15
 """What a grey level, smoothed by half a pixel, is off by: by itself, as a share of it, and by
 places [px]."""
-_ALIKE = 15.0
-"""Grey levels and places of an outline that err alike: channels, neighbours and cameras do."""
+_ALIKE, _ALIKE_BESIDE = 15.0, 10.0
+"""Grey levels and places of an outline that err alike: channels, neighbours and cameras do; and
+grey levels where both cameras are held against each other, pose by pose: they do not err alike
+(set on forearm and hand of 1934 and 1936)."""
 _HUBER = 2.0
 """Standard deviations from which on an error counts less."""
 _OUTLINE_SIGMA, _OUTLINE_NEAR, _EDGE_ON = 0.4, 4.0, 0.06
@@ -166,12 +168,13 @@ def _photometric(
         groups: Numbers of the looks in which a place has one colour.
     """
     size = len(sums.own)
+    alike = _ALIKE if len(groups) == 1 else _ALIKE_BESIDE
     seen = np.zeros((size, 3)), np.zeros((size, 3))
     square, count = np.zeros(size), np.zeros(size)
     for group in groups:
         own = [looks[k] for k in group]
         agreed = _agreed(own, size)
-        _add_agreed(own, [parts[k] for k in group], agreed, sums)
+        _add_agreed(own, [parts[k] for k in group], agreed, sums, alike)
         seen[0][:] += agreed.total * np.nan_to_num(agreed.colors)
         seen[1][:] += agreed.total
         square += agreed.square
@@ -197,9 +200,13 @@ class _Agreed:
 
 
 def _add_agreed(
-    looks: Sequence[_Look], parts: Sequence[NDArray], agreed: _Agreed, sums: _Sums
+    looks: Sequence[_Look],
+    parts: Sequence[NDArray],
+    agreed: _Agreed,
+    sums: _Sums,
+    alike: float,
 ) -> None:
-    """Add what looks of one light tell beside their mean."""
+    """Add what looks of one light tell beside their mean, so many of which err alike."""
     size, used = len(sums.own), np.unique(np.concatenate(parts))
     slope, by_value = np.zeros((size, 3)), np.zeros((size, 3, len(used)))
     for look, weight, part in zip(looks, agreed.weights, parts, strict=True):
@@ -209,9 +216,9 @@ def _add_agreed(
     slope /= np.maximum(agreed.total, 1e-12)
     for look, weight, part in zip(looks, agreed.weights, parts, strict=True):
         off = look.levels - agreed.colors[look.which]
-        rest = _Rest(off, weight / _ALIKE)
+        rest = _Rest(off, weight / alike)
         sums.add(look.which, part, look.by_normal - slope[look.which], look.by_value, rest)
-    flat = by_value / np.sqrt(_ALIKE * np.maximum(agreed.total, 1e-12))[:, :, None]
+    flat = by_value / np.sqrt(alike * np.maximum(agreed.total, 1e-12))[:, :, None]
     flat = flat.reshape(-1, len(used))
     sums.values[np.ix_(used, used)] -= flat.T @ flat
 

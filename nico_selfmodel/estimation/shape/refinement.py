@@ -77,6 +77,9 @@ _ALIKE = 30.0
 """By how much less pictures tell of mirrors than their equations say: before true mirrors these ask
 for changes whose chi-square, a degree of freedom, is 7 in the mean and up to 90 (robots 1834 and
 1836), for what shading and cameras are wrong by is alike all over a body."""
+_ALIKE_POSES = 10.0
+"""The same of poses of a link that moves: each is seen in two pictures alone, which are lit alike
+(set on forearm and hand of 1934 and 1936)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,8 +157,11 @@ def refine_surface(
             progress(k + 1, len(steps))
     found, fair = _equations(mesh, neighbours, blurred, steps[-1], values, tau, sound)
     apart = np.zeros(len(tau), dtype=bool) if jumps is None else jumps(mesh.vertices)
+    placed = before.placed(values)
+    beside = placed.beside_the_frame
+    covariance = beside @ covariance @ beside.T
     sigma = np.where(apart, np.inf, _sigma(found, fair, covariance, rng, apart))
-    return RefinedSurface(mesh, sigma, found.colors, found.looks, before.placed(values).standpoints)
+    return RefinedSurface(mesh, sigma, found.colors, found.looks, placed.standpoints)
 
 
 def _equations(
@@ -214,6 +220,8 @@ def _together(
         of mirrors and cameras, shape (3 M + c, 3 M + c).
     """
     count = len(values)
+    moves = any(one.R_WF is not None for one in before.standpoints)
+    alike = _ALIKE_POSES if moves else _ALIKE
     right = np.column_stack([found.pull + fair.pull, found.coupling[:, :count]])
     solved = fair.solved(found.own, right, _COUPLED)
     alone, coupled = solved[:, 0], solved[:, 1:]
@@ -222,8 +230,8 @@ def _together(
     off = np.zeros(len(known))
     off[:count] = before.values - values
     pull = known @ off
-    known[:count, :count] += (found.values[:count, :count] - coupling @ coupled) / _ALIKE
-    pull[:count] += (found.values_pull[:count] - coupling @ alone) / _ALIKE
+    known[:count, :count] += (found.values[:count, :count] - coupling @ coupled) / alike
+    pull[:count] += (found.values_pull[:count] - coupling @ alone) / alike
     covariance = inverse_of(known)
     change = (covariance @ pull)[:count]
     return alone - coupled @ change, change, covariance
@@ -261,7 +269,8 @@ def _sigma(
 
         sigma^2 = diag(A^-1 (chi^2 D + M' tau^-2 M) A^-1) + diag(A^-1 C P C' A^-1)
 
-    P is what hand and pictures tell together.
+    P is what hand and pictures tell together; of a link that moves, less what moves its frame in
+    all poses alike (`ShapeViews.beside_the_frame`): no error of what is told in that frame.
 
     Args:
         found: What the pictures tell of the surface.

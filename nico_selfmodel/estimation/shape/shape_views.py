@@ -70,6 +70,23 @@ class ShapeViews:
         return tuple(slice(start, end) for start, end in pairwise(ends))
 
     @property
+    def beside_the_frame(self) -> NDArray:
+        """What takes off errors of values that are one motion of the link's frame in all poses.
+
+        A shape is told in that frame, which is where the poses have it in the mean: of K poses with
+        v_k = E_k m for a motion m in the frame, 1 - E E' / K. Shape (K + c, K + c).
+        """
+        moved = [
+            (part, one.R_WF)
+            for one, part in zip(self.standpoints, self.parts, strict=True)
+            if one.R_WF is not None
+        ]
+        E = np.zeros((len(self.covariance), 6))
+        for part, R_WF in moved:
+            E[part] = np.kron(np.eye(2), R_WF)
+        return np.eye(len(E)) - E @ E.T / max(len(moved), 1)
+
+    @property
     def lit_alike(self) -> list[list[int]]:
         """Numbers of the pictures in which a place has one colour, for it is lit alike."""
         still, turned = [], {}

@@ -35,6 +35,11 @@ class Standpoint(Protocol):
         """Whether the shape is lit otherwise than in other looks."""
         ...
 
+    @property
+    def R_WF(self) -> NDArray | None:
+        """How the frame of a link that moves is turned; None of one that stands. Shape (3, 3)."""
+        ...
+
     def at(self, values: NDArray) -> Self:
         """Return the same with other values. Shape (k,)."""
         ...
@@ -62,6 +67,7 @@ class InMirror:
     """Pose of the left camera. Shape (4, 4)."""
 
     turns_light = False
+    R_WF = None
 
     @property
     def values(self) -> NDArray:
@@ -110,6 +116,11 @@ class OnLink:
         """Where the link is, its values counted. Shape (4, 4)."""
         R, p = rotation_from_vector(self.values[:3]), self.X_WF[:3, 3] + self.values[3:]
         return transform(R @ self.X_WF[:3, :3], p)
+
+    @property
+    def R_WF(self) -> NDArray:
+        """How the link's frame is turned. Shape (3, 3)."""
+        return self.pose[:3, :3]
 
     def at(self, values: NDArray) -> "OnLink":
         """Return the link elsewhere. Shape (6,)."""
