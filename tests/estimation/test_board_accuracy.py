@@ -82,9 +82,9 @@ def test_held_out_boards_may_be_seen_by_one_camera_and_in_part():
 
 def test_a_board_of_which_a_lens_reaches_one_line_alone_is_beyond_it():
     views = pictures(boards(3, 7))
-    line, two = np.zeros(54, bool), np.zeros(54, bool)
-    line[:5], two[:10] = True, True
-    for within, reached in ((line, False), (two, True)):
+    line, one_more, two = np.zeros((3, 54), bool)
+    line[:5], one_more[:10], two[:11] = True, True, True  # nine are in a row
+    for within, reached in ((line, False), (one_more, False), (two, True)):
         alone = views.only("left")
         pixels = np.where(within[:, None], alone.pixels, np.nan)
         assert within_reach((RIG.left,), replace(alone, pixels=pixels)).tolist() == [reached] * 3

@@ -109,9 +109,9 @@ def see_arm(image: BodyImage, known: KnownBody, shot: Shot) -> SeenArm | None:
     n, q, covariance = 3 * len(mirrors), start, np.zeros((len(start), len(start)))
     joints, shift = slice(n, n + len(q)), np.zeros(3)
     prior = np.diag([*(_HELD**2,) * n, *(LOOSE**2,) * len(q), *(SHOULDER**2,) * len(shift)])
-    turned = np.inf
+    smooth, turned = _COARSE, np.inf
     for _ in range(_STEPS):
-        smooth = _COARSE if turned > _NEAR else _FINE
+        smooth = _FINE if turned < _NEAR else smooth  # and never back: it would go to and fro
         now = _Standing.at(image, known, shot, q)
         views = [now.view(side, smooth) for side in range(len(SIDES))]
         # What the whole arm is shifted by is not drawn: each picture shows all of it.
