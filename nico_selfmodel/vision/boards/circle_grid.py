@@ -127,19 +127,23 @@ class CircleGrid:
         except ValueError:  # circles on one line have no homography
             return NotSeen(f"no {self} grid but scattered spots")
         lost = np.isnan(centres[:, 0])
+        if lost.sum() > _LOST * len(lost):
+            return NotSeen(self._why_lost(rough, lost))
+        return BoardDetection(self, read_only(centres), METHOD, None)
+
+    def _why_lost(self, rough: NDArray, lost: NDArray) -> str:
+        """Say why too many circles are not seen. Shapes (P, 2) and (P,)."""
         wide = self._width_of(rough)
-        if lost.sum() > _LOST * len(lost) and wide < _NARROWEST:
-            return NotSeen(
+        if wide < _NARROWEST:
+            return (
                 f"a {self} grid whose circles are {wide:.0f} px wide, at least {_NARROWEST:.0f} px "
                 "tell where their middles are: go nearer, or take larger pictures"
             )
-        if lost.sum() > _LOST * len(lost):
-            u, v = rough[lost].mean(axis=0)
-            return NotSeen(
-                f"a {self} grid, but {int(lost.sum())} of its circles are not plain to see (about "
-                f"{u:.0f}, {v:.0f}): the image's edge, glare, a shadow or dirt"
-            )
-        return BoardDetection(self, read_only(centres), METHOD, None)
+        u, v = rough[lost].mean(axis=0)
+        return (
+            f"a {self} grid, but {int(lost.sum())} of its circles are not plain to see (about "
+            f"{u:.0f}, {v:.0f}): the image's edge, glare, a shadow or dirt"
+        )
 
     def _width_of(self, centres: NDArray) -> float:
         """Return how wide the smallest circles are about [px]. Shape (P, 2)."""
