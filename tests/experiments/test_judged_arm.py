@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation.mirrors.body_alignment import BodyMotion
+from nico_selfmodel.geometry.reflection import reflect
+from nico_selfmodel.geometry.solids.solid import Solid
 from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
+from nico_selfmodel.plant.link_surfaces import LinkSurface
 from nico_selfmodel.sessions.looks.expecting import Expecting, Unknown
 from nico_selfmodel.sessions.looks.least_unknown import MOVING, POINTS, Told, least_unknown
 from nico_selfmodel.sessions.looks.mirror_looks import MirrorLooks
@@ -19,7 +23,9 @@ CHEST, ARM, HAND = 3, 7, 9
 LINKS = {CHEST: "chest", ARM: "arm", HAND: "hand"}
 MIRROR = Mirror.from_values([0.0, -0.3, 0.3])
 SHAPE = (200, 300)
-IMAGE = SimpleNamespace(moving=frozenset({ARM, HAND}), links=LINKS)
+IMAGE = SimpleNamespace(
+    moving=frozenset({ARM, HAND}), links=LINKS, surfaces={}, poses=lambda readings: {}
+)
 UNKNOWN = Unknown(dict.fromkeys(LINKS.values(), 2.5e-4))
 
 
@@ -45,8 +51,8 @@ def seen(sigma_q=0.0, attached=None):
     )  # fmt: skip
 
 
-def sigma_of(arm, labelled=None, unknown=UNKNOWN):
-    expecting = Expecting(IMAGE, NICO_CAMERAS, MIRROR, (2.0, 2.0), unknown)
+def sigma_of(arm, labelled=None, unknown=UNKNOWN, image=IMAGE):
+    expecting = Expecting(image, NICO_CAMERAS, MIRROR, (2.0, 2.0), unknown)
     return expecting.pixel_sigma(0, picture() if labelled is None else labelled, arm)
 
 
@@ -55,6 +61,32 @@ def test_an_arm_that_was_seen_is_judged_and_one_that_was_not_is_not():
     assert np.isnan(without[:, 95:145]).all()
     assert np.isfinite(known[5:70, 60:180]).all()
     assert np.isfinite(without[5:70, 60:80]).all()
+
+
+@pytest.mark.parametrize(("link", "apart", "judged"), [
+    ("hand", 1.3, False),  # root 2 of what each is not known by: either may be before the other
+    ("hand", -1.3, False),
+    ("hand", 1.5, True),
+    ("arm", 1.3, True),  # itself
+    ("chest", 1.3, True),  # which stands, and was seen as it is
+])  # fmt: skip
+def test_an_arm_is_not_judged_where_another_of_its_links_lies_as_near_as_they_are_known(
+    link, apart, judged
+):
+    row, column, radius, sigma = 40, 120, 0.02, 2.5e-4
+    behind = NICO_CAMERAS.left.at_depth([[column, row]] * 2, [0.95, 0.96])
+    place, beyond = reflect(MirrorRig(NICO_CAMERAS, MIRROR).plane, behind)
+    way = (beyond - place) / np.linalg.norm(beyond - place)
+    X_WF, X_FS = np.eye(4), np.eye(4)
+    X_WF[:3, 3] = [0.2, -0.1, 0.3]
+    X_FS[:3, 3] = place - X_WF[:3, 3] + (radius + apart * sigma) * way
+    surface = LinkSurface(None, (Solid("ellipsoid", (radius,) * 3, X_FS),), np.ones((1, 3)))
+    image = SimpleNamespace(
+        moving=IMAGE.moving, links=LINKS, surfaces={link: surface}, poses=lambda _: {link: X_WF}
+    )
+    found = sigma_of(seen(), image=image)
+    assert np.isfinite(found[row, column]) == judged
+    assert np.isfinite(found[row, column - 15])  # 20 mm beside it
 
 
 def test_an_arm_known_by_more_than_a_pixel_is_not_judged():

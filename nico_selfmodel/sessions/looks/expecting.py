@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.mirrors.reflection_sigma import reflection_sigma
 from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.sessions.looks.close_links import near_other_links
 from nico_selfmodel.sessions.looks.seen_arm import SeenArm
 from nico_selfmodel.systems.rendering.body_image import NOTHING, BodyImage, ExpectedPicture
 from nico_selfmodel.systems.rendering.cropped_render import LabelledPicture
@@ -190,8 +192,9 @@ class Expecting:
 
         An arm that was not seen is not judged, nor what it covers: its joints are loose by more
         than its outline may be off. Of one that was seen neither is what is before the glass, what
-        its joints leave open by more than a pixel, where it meets the body, and its hand, to which
-        things are attached. Nor is judged what is strange without a mark.
+        its joints leave open by more than a pixel, where it meets the body, where its links lie so
+        close together that either may hide the other, and its hand, to which things are attached.
+        Nor is judged what is strange without a mark.
         """
         points = self._by_link(seen, self.unknown.points, self.unknown.other)
         numbers = {name: number for number, name in self.image.links.items()}
@@ -206,10 +209,25 @@ class Expecting:
             untold = seam(placed, (seen.labels != NOTHING) & ~placed, seen.depth) | placed & (
                 arm.attached[side] | np.isin(seen.labels, links)
             )
+            untold |= self._may_be_hidden(side, seen, placed & ~untold & np.isfinite(sigma), arm)
         sigma = np.where((seen.labels == NOTHING) | untold, np.nan, sigma)
         strange = False if self.unknown.strange is None else self.unknown.strange[side]
         hidden = self.covered(side, seen, placed) | strange
         return np.where(hidden, np.nan, away_from_the_unknown(sigma))
+
+    def _may_be_hidden(
+        self, side: int, seen: LabelledPicture, placed: NDArray, arm: SeenArm
+    ) -> NDArray:
+        """Return where another link of the arm may be before the one that is expected. (h, w)."""
+        poses, surfaces = self.image.poses(arm.readings), self.image.surfaces
+        names = {k: link for k, link in self.image.links.items() if k in self.image.moving}
+        links = {k: (surfaces[n], poses[n]) for k, n in names.items() if n in surfaces}
+
+        def place_sigma(number: int) -> float:
+            return self.unknown.points.get(names[number], self.unknown.other)
+
+        rig = MirrorRig(self.rig, self.mirror)
+        return near_other_links(rig, side, seen, placed, links, place_sigma)
 
     def covered(self, side: int, seen: LabelledPicture, placed: NDArray | None = None) -> NDArray:
         """Return where the moving arm is expected, or may be as its joints are loose.
