@@ -21,14 +21,13 @@ def normalised_points(points: NDArray, name: str) -> tuple[NDArray, NDArray]:
         ValueError: If the points coincide.
     """
     centroid = points.mean(axis=-2, keepdims=True)
-    size = np.sqrt(np.mean(np.sum((points - centroid) ** 2, axis=-1), axis=-1))
-    if np.any(size <= 1e-12 * np.abs(centroid).max(axis=(-2, -1), initial=0.0)) or np.any(
-        size == 0
-    ):
+    about = points - centroid
+    size = np.sqrt(np.einsum("...ij,...ij->...", about, about) / points.shape[-2])
+    if np.any(size <= 1e-12 * np.abs(centroid).max(axis=(-2, -1), initial=0.0)):
         raise ValueError(f"the {name} points coincide: they determine nothing")
     scale = np.sqrt(2.0) / size
     matrix = np.zeros((*size.shape, 3, 3))
     matrix[..., 0, 0] = matrix[..., 1, 1] = scale
     matrix[..., :2, 2] = -scale[..., None] * centroid[..., 0, :]
     matrix[..., 2, 2] = 1.0
-    return scale[..., None, None] * (points - centroid), matrix
+    return scale[..., None, None] * about, matrix

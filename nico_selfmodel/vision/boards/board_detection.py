@@ -2,11 +2,13 @@
 
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.arrays import read_only
 from nico_selfmodel.vision.images.not_seen import NotSeen
 
 
@@ -36,10 +38,14 @@ def grid_points(columns: int, rows: int, step: float, shift: int = 0) -> NDArray
     Returns:
         [m]. Shape (columns rows, 3).
     """
+    return _grid(columns, rows, shift) * step
+
+
+@lru_cache(maxsize=16)
+def _grid(columns: int, rows: int, shift: int) -> NDArray:
     across, down = np.meshgrid(np.arange(columns), np.arange(rows))
     across = (1 + shift) * across + shift * (down % 2)
-    flat = np.stack([across, down, np.zeros_like(across)], axis=-1).reshape(-1, 3)
-    return flat * step
+    return read_only(np.stack([across, down, np.zeros_like(across)], axis=-1).reshape(-1, 3))
 
 
 _MOST_ALONG_SIDE = 999

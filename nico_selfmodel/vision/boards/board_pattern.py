@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.geometry.homography import apply_homography, homography
+from nico_selfmodel.vision.boards.board_detection import grid_points
 
 _ALTERNATING = 0.95  # of the pairs of neighbouring squares
 _UNEVEN = 0.5  # of a step along a row, by which the next one may differ: perspective, distortion
@@ -20,6 +21,9 @@ _CONTINUES = 0.5  # of the contrast between the inner squares
 _DARK_IN_LIGHT = 0.15  # of a light square that is as dark as the dark ones ...
 _SPOILT = 0.3  # ... in so many of them: more than glare, dirt and fingers spoil
 _BEYOND = 1.25  # squares behind the last corners: printed boards often end in half squares
+_SHARES = np.stack([np.linspace(0.7, 0.3, 5), np.linspace(0.3, 0.7, 5)])
+_IN_SQUARE = read_only(np.einsum("dt,as->stda", _SHARES, _SHARES).reshape(-1, 4))
+"""From a square's corners to 25 points in its middle. Shape (25, 4)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +44,7 @@ class FoundSquares:
     def homography(self) -> NDArray:
         """From places in units of squares to pixels. Shape (3, 3)."""
         rows, columns = self.grid.shape[:2]
-        board = _rectangle(np.arange(columns), np.arange(rows))
+        board = grid_points(columns, rows, 1.0)[:, :2]
         return homography(board, self.grid.reshape(-1, 2))
 
     @property
@@ -117,11 +121,9 @@ class FoundSquares:
     @cached_property
     def _shown(self) -> NDArray:
         """Brightness of 25 points in the middle of every square. (25, rows - 1, columns - 1)."""
-        grid, shares = self.grid, np.linspace(0.3, 0.7, 5)
+        grid = self.grid
         corners = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, :-1], grid[1:, 1:]])
-        each = np.stack([1.0 - shares, shares])
-        weights = np.einsum("dt,as->stda", each, each).reshape(-1, 4)
-        points = weights @ corners.reshape(4, -1)
+        points = _IN_SQUARE @ corners.reshape(4, -1)
         return brightness(self.smooth, points.reshape(-1, *corners.shape[1:]))
 
 

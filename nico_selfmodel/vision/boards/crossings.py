@@ -19,14 +19,19 @@ of the board tell k.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebvander
 from numpy.typing import NDArray
 
+from nico_selfmodel.arrays import read_only
+
 _BLUR = 0.8
 """Standard deviation of the filter under which edges are smooth enough to be sampled [px]."""
+_REACH = 3
+"""Of that filter, to either side [px]."""
 _STEPS = 10
 """A half-integer place next to the corner is found in two or three."""
 _NEAR = 0.26
@@ -111,6 +116,44 @@ class _Turned:
             mine[rows] = its
 
 
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """Pairs of opposite pixels around places that lie on pixels or half way between."""
+
+    half: int
+    """Pixels from the middle to the farthest, either way."""
+    right: NDArray
+    """Pixels from a place to one of each pair, or to the one after where it lies between two: those
+    farther down, or to the right, of which each tells all. Shape (k,)."""
+    down: NDArray
+    ways: NDArray
+    """The same from the places themselves, a share of the radius, for places on pixels, between two
+    from left to right, up and down, and both. Shape (4, 2, k)."""
+    squares: NDArray
+    """Of how far each is [px^2]. Shape (4, k)."""
+    once: NDArray
+    """How often it counts. Shape (4, k)."""
+
+    @classmethod
+    @lru_cache(maxsize=8)
+    def within(cls, widest: float) -> "_Pairs":
+        """Return those of a disc of a radius [px]."""
+        half = int(np.ceil(widest)) + 1
+        steps = np.arange(-half, half + 1)
+        down, right = (one.ravel() for one in np.meshgrid(steps[half:], steps))
+        nearest = np.maximum(np.abs(right) - 0.5, 0.0) ** 2 + np.maximum(down - 0.5, 0.0) ** 2
+        kept = ((down > 0) | (right >= 0)) & (nearest < widest**2)
+        down, right = down[kept], right[kept]
+        x, y = np.array([0.0, 0.5, 0.0, 0.5])[:, None], np.array([0.0, 0.0, 0.5, 0.5])[:, None]
+        ways = np.stack([right - x, down - y], axis=1)
+        level, middle = down == 0, (down == 0) & (right == 0)
+        # About the middle of pixels a row or column has its opposite among the others: not twice.
+        once = np.where(middle, 0.5, 1.0) * ~(level & (y > 0.0)) * ~(middle & (x > 0.0))
+        each = (ways / widest, np.sum(ways**2, axis=1), once)
+        each = (read_only(one.astype(np.float32)) for one in each)
+        return cls(half, read_only(right), read_only(down), *each)
+
+
 class _Window:
     """A smooth part of a picture, and what of it lies around places."""
 
@@ -126,16 +169,9 @@ class _Window:
         self.corner, self.widest, self.width = corner, widest, part.shape[1]
         self.first, self.last = -corner, size - 1 - corner
         """Pixels of the picture in the part."""
-        *self.slopes, self.light = (image.ravel() for image in _smooth(part))
-        self.half = int(np.ceil(widest)) + 1
-        steps = np.arange(-self.half, self.half + 1)
-        down, right = (one.ravel() for one in np.meshgrid(steps[self.half :], steps))
-        # Of each pair of opposite pixels one tells all: those farther down, or to the right.
-        nearest = np.maximum(np.abs(right) - 0.5, 0.0) ** 2 + np.maximum(down - 0.5, 0.0) ** 2
-        kept = ((down > 0) | (right >= 0)) & (nearest < widest**2)
-        self.down, self.right = down[kept], right[kept]
-        self.steps = self.down * self.width + self.right
-        self.ways, self.squares, self.once = self._by_phase()
+        self.images = _smooth(part).reshape(3, -1)
+        self.pairs = _Pairs.within(widest)
+        self.steps = self.pairs.down * self.width + self.pairs.right
 
     @classmethod
     def around(cls, gray: NDArray, corners: NDArray, widest: float) -> "_Window":
@@ -148,22 +184,6 @@ class _Window:
         if left or top or right or bottom:
             part = cv2.copyMakeBorder(part, top, bottom, left, right, cv2.BORDER_REPLICATE)
         return cls(part, low, size, widest)
-
-    def _by_phase(self) -> tuple[NDArray, NDArray, NDArray]:
-        """Return ways from places to pixels, their squares, and how often their pairs count.
-
-        Places lie on pixels, or between two from left to right, up and down, or both.
-
-        Returns:
-            Shape (4, 2, k), a share of the widest radius; (4, k) [px^2]; and (4, k).
-        """
-        x, y = np.array([0.0, 0.5, 0.0, 0.5])[:, None], np.array([0.0, 0.0, 0.5, 0.5])[:, None]
-        ways = np.stack([self.right - x, self.down - y], axis=1)
-        level, middle = self.down == 0, (self.down == 0) & (self.right == 0)
-        once = np.where(middle, 0.5, 1.0) * ~(level & (y > 0.0)) * ~(middle & (x > 0.0))
-        # About the middle of pixels a row or column has its opposite among the others: not twice.
-        each = ways / self.widest, np.sum(ways**2, axis=1), once
-        return each[0].astype(np.float32), each[1].astype(np.float32), each[2].astype(np.float32)
 
     def halves(self, twice: NDArray, radius: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Return weights of pairs of opposite pixels around places, and both, line by line.
@@ -179,10 +199,11 @@ class _Window:
         first, more = (x + self.width * y for x, y in (low.T, odd.T))
         one, other = first[:, None] + self.steps, (first + more)[:, None] - self.steps
         phase, size = odd[:, 0] + 2 * odd[:, 1], (radius[:, None] ** -2.0).astype(np.float32)
-        weight = np.maximum(np.float32(1.0) - self.squares[phase] * size, np.float32(0.0))
+        weight = np.maximum(np.float32(1.0) - self.pairs.squares[phase] * size, np.float32(0.0))
         weight *= weight
-        weight *= self.once[phase]
-        cut = ((low - self.half < self.first) | (low + self.half >= self.last)).any(axis=1)
+        weight *= self.pairs.once[phase]
+        half = self.pairs.half
+        cut = ((low - half < self.first) | (low + half >= self.last)).any(axis=1)
         if cut.any():
             weight[cut] *= self._in_picture(one[cut]) & self._in_picture(other[cut])
         return weight, one, other
@@ -196,14 +217,15 @@ class _Window:
         """Compare what is around places with itself after half a turn; as `halves`."""
         weight, one, other = self.halves(twice, radius)
         weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-12)
-        each = np.empty((len(weight), 6, weight.shape[1]), dtype=np.float32)
+        each = np.empty((6, *weight.shape), dtype=np.float32)
         # By how much slopes to the right and down and light differ, and light's sum.
-        for row, image in enumerate((*self.slopes, self.light)):
-            np.subtract(image.take(one), image.take(other), out=each[:, row])
-        np.add(self.light.take(one), self.light.take(other), out=each[:, 3])
-        each[:, 4:] = self.ways[(twice % 2) @ np.array([1, 2])]
-        sums = np.asarray((each * weight[:, None]) @ each.swapaxes(1, 2), dtype=float)
-        middle = 0.5 * np.einsum("nk,nk->n", weight, each[:, 3], dtype=float)
+        here, there = self.images.take(one, axis=1), self.images.take(other, axis=1)
+        np.subtract(here, there, out=each[:3])
+        np.add(here[2], there[2], out=each[3])
+        each[4:] = self.pairs.ways[(twice % 2) @ np.array([1, 2])].swapaxes(0, 1)
+        weighted, each = (rows.swapaxes(0, 1) for rows in (each * weight, each))
+        sums = np.asarray(weighted @ each.swapaxes(1, 2), dtype=float)
+        middle = 0.5 * weighted[:, 3].sum(axis=1, dtype=float)
         power = np.maximum(0.25 * (sums[:, 3, 3] + sums[:, 2, 2]) - middle**2, 0.0)
         b, H = -sums[:, :2, 2], sums[:, :2, :2]
         told, step = _solved(H, b)
@@ -253,12 +275,11 @@ def straightened(points: NDArray, corners: NDArray, radius: NDArray) -> NDArray:
     """
     normals, curvatures = np.full((len(points), 2, 2), np.nan), np.zeros((len(points), 2))
     seen = np.flatnonzero(np.isfinite(corners[:, 0]))
-    for way, axis in enumerate((1, 0)):
-        rows, on = _lines(points[seen, axis])
-        if len(rows):
-            rows = seen[rows]
-            normal, curvature = _bends(corners[rows], on)
-            normals[rows[on], way], curvatures[rows[on], way] = normal[on], curvature[on]
+    rows, on, ways = _lines(points[seen])
+    if len(rows):
+        each, way = seen[rows], np.broadcast_to(ways[:, None], on.shape)[on]
+        normal, curvature = _bends(corners[each], on)
+        normals[each[on], way], curvatures[each[on], way] = normal[on], curvature[on]
     (a, b), (c, d) = np.moveaxis(normals, 0, 2)
     crossed = a * d - b * c
     told = np.abs(crossed) > _EDGE_ON
@@ -268,24 +289,30 @@ def straightened(points: NDArray, corners: NDArray, radius: NDArray) -> NDArray:
     return np.where(told[:, None], corners - shift / np.where(told, crossed, 1.0)[:, None], corners)
 
 
-def _lines(line: NDArray) -> tuple[NDArray, NDArray]:
-    """Return which corners lie on a line of the board along one axis, three of them at least.
+def _lines(points: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Return which corners lie on a line of the board, three of them at least.
 
     Args:
-        line: Coordinates across the axis, equal on a line. Shape (n,).
+        points: The board's points, in any unit. Shape (n, 2).
 
     Returns:
-        Indices and where there are any, lines by their corners. Shape (L, m) each.
+        Indices and where there are any, lines by their corners, shape (L, m) each; and of each line
+        0 where it runs along x, 1 along y, shape (L,).
     """
-    if not len(line):
-        return np.zeros((0, 0), dtype=int), np.zeros((0, 0), dtype=bool)
-    level = np.rint((line - line.min()) / max(float(np.ptp(line)), 1e-12) * _LEVELS)
-    _, which, counts = np.unique(level, return_inverse=True, return_counts=True)
-    on = np.arange(counts.max(initial=0)) < counts[:, None]
+    if not len(points):
+        return np.zeros((0, 0), dtype=int), np.zeros((0, 0), dtype=bool), np.zeros(0, dtype=int)
+    across = points[:, ::-1].T  # equal on a line
+    order, level = np.argsort(across, axis=1, kind="stable"), np.sort(across, axis=1)
+    apart = np.maximum(level[:, -1:] - level[:, :1], 1e-12) / _LEVELS
+    starts = np.ones(across.shape, dtype=bool)
+    np.greater(level[:, 1:] - level[:, :-1], apart, out=starts[:, 1:])
+    counts = np.bincount(np.cumsum(starts) - 1)
+    on = np.arange(counts.max()) < counts[:, None]
     rows = np.zeros(on.shape, dtype=int)
-    rows[on] = np.argsort(which, kind="stable")
+    rows[on] = order.ravel()
+    ways = (np.arange(len(counts)) >= starts[0].sum()).astype(int)
     told = counts >= 3
-    return rows[told], on[told]
+    return rows[told], on[told], ways[told]
 
 
 def _bends(lines: NDArray, on: NDArray) -> tuple[NDArray, NDArray]:
@@ -325,12 +352,16 @@ def _bends(lines: NDArray, on: NDArray) -> tuple[NDArray, NDArray]:
     return normals, (bend / length**3)[:, :, 0]
 
 
-def _smooth(gray: NDArray) -> list[NDArray]:
-    """Return a picture's slopes to the right and down, and itself, under a Gaussian filter."""
-    reach = int(np.ceil(4.0 * _BLUR))
-    steps = np.arange(-reach, reach + 1.0)
+def _smooth(gray: NDArray) -> NDArray:
+    """Return a picture's slopes to the right and down, and itself, under a Gaussian filter.
+
+    Shape (h, w) -> (3, h, w).
+    """
+    steps = np.arange(-_REACH, _REACH + 1.0)
     bell = np.exp(-0.5 * (steps / _BLUR) ** 2)
     slope = steps * bell
     bell, slope = bell / bell.sum(), slope / (slope @ steps)
-    kernels = ((slope, bell), (bell, slope), (bell, bell))
-    return [cv2.sepFilter2D(gray, cv2.CV_32F, *pair) for pair in kernels]
+    found = np.empty((3, *gray.shape), dtype=np.float32)
+    for k, pair in enumerate(((slope, bell), (bell, slope), (bell, bell))):
+        cv2.sepFilter2D(gray, cv2.CV_32F, *pair, dst=found[k])
+    return found

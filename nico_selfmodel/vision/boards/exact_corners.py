@@ -137,9 +137,10 @@ def located(gray: NDArray, rough: NDArray, radius: NDArray) -> NDArray:
 
 def _taken(places: NDArray, moved: NDArray) -> NDArray:
     """Tell of which places another search, that began nearer, has found the same. (n,)."""
-    apart = np.linalg.norm(places[:, None] - places, axis=2)
+    x, y = places.T
+    apart = (x[:, None] - x) ** 2 + (y[:, None] - y) ** 2
     nearer = (moved[:, None] > moved) & np.isfinite(moved)
-    return np.asarray((nearer & (apart < _NARROWEST)).any(axis=1))
+    return np.asarray((nearer & (apart < _NARROWEST**2)).any(axis=1))
 
 
 def _to_edge(pixels: NDArray, gray: NDArray) -> NDArray:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.homography import homography
 from nico_selfmodel.least_squares import levenberg_marquardt
+from nico_selfmodel.vision.boards.board_detection import grid_points
 
 _SIGNIFICANT = 8.0
 """Standard deviations of a corner, where there are many others; of few they are less certain."""
@@ -52,7 +53,7 @@ def stray_corners(
         ValueError: If the corners lie on one line.
     """
     rows, columns = grid.shape[:2]
-    board = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
+    board = grid_points(columns, rows, 1.0)[:, :2]
     corners = grid.reshape(-1, 2)
     return _far_off(board, corners, image_size, _limits(grid, window), H).reshape(rows, columns)
 
@@ -133,7 +134,7 @@ class BoardBehindLens:
         self.count = 8 + bends
         start = np.append(start, [_FIRST_FIELD, 0.0, 0.0][:bends])
         least = np.where(np.arange(self.count) == 8, _LEAST_FIELD, -np.inf)
-        limits = {"max_iterations": 30, "tolerance": 1e-4}  # it is held against many sigmas
+        limits = {"max_iterations": 30, "tolerance": 1e-3}  # it is held against many sigmas
         self._x = levenberg_marquardt(self._normal_equations, start, least=least, **limits).x
 
     def _start(self, H: NDArray) -> NDArray:
@@ -218,9 +219,9 @@ class BoardBehindLens:
 
 def _limits(grid: NDArray, window: int | None) -> NDArray:
     """Return how far a corner may be off [px]. Shape (rows * columns,)."""
-    square = _smallest_step(grid).ravel()
     if window is None:
-        return np.full_like(square, _FAR)
+        return np.full(grid.shape[0] * grid.shape[1], _FAR)
+    square = _smallest_step(grid).ravel()
     drawn = np.minimum(_DRAWN, _DRAWN_SHARE * square)
     return np.where(window <= _WITHIN * square, _FAR, np.maximum(drawn, _FAR))
 
