@@ -29,6 +29,7 @@ from nico_selfmodel.experiments.mirror_test.painting import (
     MARK,
     ON_THE_GLASS,
     OTHER_ROBOT,
+    SEEN_DIRECTLY,
     SHAM_PAINT,
     Painted,
 )
@@ -214,9 +215,9 @@ def test_looks_and_colours_of_several_processes_are_kept():
     [
         (5, 100, 104, 2, 2),
         (5, 100, 104, 9, 5),
-        (4, 100, 16, 4, 2),  # eight kinds of trials with marks each
+        (4, 100, 18, 4, 2),  # nine kinds of trials with marks each
         (4, 14, 104, 3, 2),  # seven kinds of encounters each
-        (2, 7, 8, 2, 1),
+        (2, 7, 9, 2, 1),
     ],
 )
 def test_no_more_processes_share_robots_than_trials_suffice_for(
@@ -440,7 +441,7 @@ def test_both_stages_are_in_one_report_and_the_worse_status_counts():
 
 
 RED = np.array([1.0, 0.0, 0.0])
-SAYS = {MARK: ON_ME, ON_THE_GLASS: ON_GLASS, OTHER_ROBOT: NOT_ON_ME}
+SAYS = {MARK: ON_ME, ON_THE_GLASS: ON_GLASS, OTHER_ROBOT: NOT_ON_ME, SEEN_DIRECTLY: ON_ME}
 
 
 def found(kind, off=1e-3, link="head"):
@@ -480,6 +481,10 @@ def test_marks_found_where_they_are_and_controls_answered_rightly_pass():
         ({SHAM_PAINT: (found(ON_ME),)}, "5b-d", "sham, own colour: 1 of 13 are answered wrongly"),
         ({ON_THE_GLASS: ()}, "5b-d", "mark on the glass: 1 of 25"),
         ({OTHER_ROBOT: (found(ON_ME),)}, "5b-d", "mark on another robot: 1 of 25"),
+        ({SEEN_DIRECTLY: ()}, "5b-d", "mark seen directly, too: 1 of 25"),
+        ({SEEN_DIRECTLY: (found(ON_ME),) * 2}, "5b-d", "mark seen directly, too: 1 of 25"),
+        ({SEEN_DIRECTLY: (found(ON_ME, link="chest"),)}, "5b-d", "seen directly, too: 1 of 25"),
+        ({SEEN_DIRECTLY: (found(ON_ME), found(NOT_ON_ME))}, "5b-d", "directly, too: 1 of 25"),
         ({MARK: (found(ON_ME, link="chest"),)}, "6", "marks are put on another link"),
     ],
 )
@@ -572,7 +577,7 @@ def test_the_tables_count_what_was_said():
 @pytest.mark.parametrize(
     ("option", "value", "reason"),
     [
-        ("--marks", 3, "--marks must be at least 8"),
+        ("--marks", 3, "--marks must be at least 9"),
         ("--glass", "clear", "--glass clear: there are flat, bent, dirty, half"),
         ("--walls", "tiled", "no walls 'tiled'"),
         ("--trials", 3, "--trials must be at least 7"),

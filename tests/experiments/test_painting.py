@@ -56,7 +56,7 @@ class Station:
 def seen(monkeypatch):
     """Let both cameras see three places of the head."""
     found = SimpleNamespace(links=("head",) * 3, p_FQ=PLACES)
-    surface = SimpleNamespace(in_mirror_only=lambda *_: found)
+    surface = SimpleNamespace(in_mirror=lambda *_, **__: found)
     monkeypatch.setattr(painting, "SeenSurface", lambda *_: surface)
 
 

@@ -68,7 +68,7 @@ def changed(station, context, side, unmarked):
 def test_a_mark_is_seen_in_the_mirror_where_it_is_and_is_gone_when_wiped(before, seen):
     station, context, X_BM, _ = before
     unmarked = [station.picture(context, side) for side in ("left", "right")]
-    places = seen.in_mirror_only(("head", "chest"), 3, np.random.default_rng(1))
+    places = seen.in_mirror(("head", "chest"), 3, np.random.default_rng(1))
     assert set(places.links) == {"head", "chest"}
     surfaces = station.surfaces_true(context)
     reflected = MirrorRig(station.ground_truth.rig, station.ground_truth.mirror(X_BM))
@@ -104,7 +104,7 @@ def narrowest(before, place, across):
 @pytest.mark.slow
 def test_a_disc_that_a_camera_sees_from_its_edge_counts_as_not_seen(before, seen):
     wide, all_of_them = (
-        seen.in_mirror_only(("head", "chest"), 400, np.random.default_rng(4), across)
+        seen.in_mirror(("head", "chest"), 400, np.random.default_rng(4), across)
         for across in (0.01, 0.0)
     )
     least, widths = (
@@ -151,7 +151,7 @@ def test_the_second_robot_can_be_marked_too(before):
     truth = station.ground_truth
     everything = station.surfaces_true(context)
     around = SeenSurface(everything, truth.rig, truth.mirror(X_BM).plane)
-    places = around.in_mirror_only((f"{OTHER}head",), 1, np.random.default_rng(3))
+    places = around.in_mirror((f"{OTHER}head",), 1, np.random.default_rng(3))
     unmarked = station.picture(context, "left")
     station.paint(context, Mark(places.links[0], places.p_FQ[0], 0.01, RED))
     spots = changed(station, context, "left", unmarked)

@@ -22,7 +22,7 @@ def mirror_test(
     ] = 3,
     marks: Annotated[
         int, typer.Option("--marks", min=1, help="Trials with marks and controls in all.")
-    ] = 8,
+    ] = 9,
     glass: Annotated[
         str,
         typer.Option(

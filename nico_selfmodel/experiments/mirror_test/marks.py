@@ -13,12 +13,14 @@ from nico_selfmodel.experiments.mirror_test.painting import (
     KINDS,
     MARK,
     OTHER_ROBOT,
+    SEEN_DIRECTLY,
     STANDING_BESIDE,
     NoPlaceError,
     Painted,
     Painter,
 )
 from nico_selfmodel.sessions.looks.expecting import MirrorLook
+from nico_selfmodel.sessions.looks.look_poses import CLEARANCE
 from nico_selfmodel.sessions.looks.mark_finder import Finding, MarkFinder
 from nico_selfmodel.sessions.looks.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.mirrors.acquaintance import Acquainted, rendered
@@ -119,8 +121,9 @@ class _Session:
         Where the own arm hides all that could be painted, or it is dark, others are taken.
         """
         for left in reversed(range(_POSTURES)):
-            commands = self._command(MIRROR, rng), self._command(TURNED, rng)
             try:
+                first = self._raised(rng) if kind == SEEN_DIRECTLY else self._command(MIRROR, rng)
+                commands = first, self._command(TURNED, rng)
                 return commands, *self._painted(kind, commands, rng)
             except NoPlaceError:
                 if not left:
@@ -153,14 +156,29 @@ class _Session:
     def _command(self, name: str, rng: np.random.Generator) -> NDArray:
         return rng.choice(self._known.poses[name])
 
+    def _raised(self, rng: np.random.Generator) -> NDArray:
+        """Return a posture in which the arm was learned: its hand, at least, is seen directly.
+
+        Raises:
+            NoPlaceError: If the arm comes too near to the glass in all of them.
+        """
+        self._before(MIRROR)
+        for command in rng.permutation(self._known.robot.readings):
+            if self._looks.clearance(command) > CLEARANCE:
+                return command
+        raise NoPlaceError(
+            f"a raised arm comes within {1e3 * CLEARANCE:.0f} mm of the glass in all postures in "
+            "which it was learned: put the mirror farther away"
+        )
+
 
 def run_marks(robots: Sequence[Knowing], trials: int, progress: Stage | None = None) -> MarkStage:
     """Let robots look for marks that may be there or not.
 
     Args:
         robots: Who know themselves and their mirrors.
-        trials: In all: of eight in turn four marks, two shams, one on the glass and one on another
-            robot, in random order.
+        trials: In all: of nine in turn four marks, two shams, one on the glass, one on another
+            robot and one that is seen directly, too, in random order.
 
     Raises:
         ValueError: If there are too few trials.
@@ -208,7 +226,7 @@ def check_marks(trials: int, robots: int) -> None:
     fewest = max(len(KINDS), robots)
     if trials < fewest:
         raise ValueError(
-            f"--marks must be at least {fewest}, four marks and four controls and one a robot, got "
+            f"--marks must be at least {fewest}, four marks and five controls and one a robot, got "
             f"{trials}"
         )
 

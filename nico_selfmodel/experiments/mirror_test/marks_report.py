@@ -12,6 +12,7 @@ from nico_selfmodel.experiments.mirror_test.painting import (
     MARK,
     ON_THE_GLASS,
     OTHER_ROBOT,
+    SEEN_DIRECTLY,
     SHAM_ACT,
     SHAM_PAINT,
 )
@@ -27,16 +28,19 @@ MEDIAN_MM, P95_MM = 3.0, 8.0
 HONEST = (0.8, 1.3)
 """Bounds of the mean chi-square of a place, over its two degrees of freedom: it is on a surface."""
 ENOUGH_MARKS, ENOUGH_SHAMS, ENOUGH_OTHERS, ENOUGH_REMOVALS = 50, 25, 12, 25
-"""Trials that verdicts take: marks; shams; marks on the glass, and on another robot; removals."""
+"""Trials that verdicts take: marks; shams; marks on the glass, on another robot, and seen directly,
+of each; removals."""
 WANTED = {
     SHAM_PAINT: "nothing",
     SHAM_ACT: "nothing",
     ON_THE_GLASS: ON_GLASS,
     OTHER_ROBOT: NOT_ON_ME,
+    SEEN_DIRECTLY: "on me, once",
 }
 """What is true of each control."""
 NO_MISTAKE = {kind: (told,) for kind, told in WANTED.items()} | {
-    OTHER_ROBOT: (NOT_ON_ME, "nothing")
+    OTHER_ROBOT: (NOT_ON_ME, "nothing"),
+    SEEN_DIRECTLY: (ON_ME,),
 }
 """What may be said of it: who does not notice a mark on another robot did not take it for its
 own."""
@@ -55,9 +59,17 @@ def marks_documents(stage: MarkStage) -> list[dict[str, Any]]:
 
 
 def said_of(trial: MarkTrial) -> str:
-    """Return what a robot says of what it found: the kinds, or `nothing`."""
-    kinds = [one.kind for one in trial.found]
-    return ", ".join(dict.fromkeys(kinds)) or "nothing"
+    """Return what a robot says of what it found: the kinds, or `nothing`.
+
+    What is seen directly and in the mirror is two marks to who does not know that it is one; there
+    each that is found is told, and which other link it is put on.
+    """
+    if trial.painted.kind != SEEN_DIRECTLY:
+        return ", ".join(dict.fromkeys(one.kind for one in trial.found)) or "nothing"
+    mark = trial.painted.mark
+    own = None if mark is None else mark.link
+    each = (one.kind if one.link in (own, None) else f"on {one.link}" for one in trial.found)
+    return ", ".join(each) or "nothing"
 
 
 def _of(stage: MarkStage, *kinds: str) -> list[MarkTrial]:
@@ -121,14 +133,16 @@ def _controls(stage: MarkStage) -> dict[str, Any]:
     ]
     sham, same, *others = (row["trials"] for row in rows)
     few = sham + same < ENOUGH_SHAMS or min(others) < ENOUGH_OTHERS
-    needed = f"{ENOUGH_SHAMS} shams, and {ENOUGH_OTHERS} marks each on the glass and on another"
+    needed = (
+        f"{ENOUGH_SHAMS} shams, and {ENOUGH_OTHERS} marks each on the glass, on another robot and "
+        "seen directly"
+    )
     return _document(
         "5b-d",
         "controls",
         failed,
         f"all of {sham + same + sum(others)} controls are answered rightly",
-        f"{needed} robot," if few else None,
-        not_evaluated=["a mark seen directly: none is painted where a camera sees it directly"],
+        needed if few else None,
         controls=rows,
     )
 

@@ -27,7 +27,11 @@ STEP = 0.2
 """Of the colour, Euclidean in RGB of 1, in a random direction."""
 MARK, SHAM_PAINT, SHAM_ACT = "mark", "sham, own colour", "sham, no paint"
 ON_THE_GLASS, OTHER_ROBOT = "mark on the glass", "mark on another robot"
-KINDS = (MARK, SHAM_PAINT, MARK, ON_THE_GLASS, MARK, SHAM_ACT, MARK, OTHER_ROBOT)
+SEEN_DIRECTLY = "mark seen directly, too"
+KINDS = (
+    *(MARK, SHAM_PAINT, MARK, ON_THE_GLASS, MARK, SHAM_ACT, MARK, OTHER_ROBOT),
+    SEEN_DIRECTLY,
+)
 """What is done in turn; who runs trials shuffles it."""
 _BESIDE = 0.40
 """Distance of the other robot to the right, where the mirror shows it too [m]."""
@@ -63,7 +67,9 @@ class NoPlaceError(RobotError):
 
 
 class Painter:
-    """Paints on one station, at places that both cameras see in the mirror and not directly.
+    """Paints on one station, at places that both cameras see in the mirror.
+
+    Neither sees them directly, unless that is asked for; then both do.
 
     Paint that changes either picture by less than the noise of a pixel, as where no light falls, is
     not to be seen: it is wiped off, and another place is taken.
@@ -96,7 +102,8 @@ class Painter:
             surfaces = {k: v for k, v in surfaces.items() if not k.startswith(OTHER)}
         seen = SeenSurface(surfaces, self._station.ground_truth.rig, self._mirror)
         links = [OTHER + link for link in LINKS] if kind == OTHER_ROBOT else list(MARKED)
-        places = seen.in_mirror_only(links, 50, rng, DIAMETER)
+        directly = kind == SEEN_DIRECTLY
+        places = seen.in_mirror(links, 50, rng, DIAMETER, directly=directly)
         before = self._pictures()
         for link, p_FQ in zip(places.links, places.p_FQ, strict=True):
             surface, X_LF = surfaces[link]

@@ -121,7 +121,7 @@ def _covered(
 ) -> float:
     """Return which share of the places of a link seen in a mirror the learned surface passes."""
     seen = SeenSurface(surfaces, truth.rig, mirror.plane)
-    places = seen.in_mirror_only([link], SEEN, np.random.default_rng(0)).p_FQ
+    places = seen.in_mirror([link], SEEN, np.random.default_rng(0)).p_FQ
     if not len(places) or not len(mesh.triangles):
         return 0.0
     return float(np.mean(mesh.distance(apply(surfaces[link][1], places)) < NEAR))

@@ -14,7 +14,7 @@ _TRIES = 40
 """Postures tried for each of them."""
 _SHARE = 0.9
 """What a posture must leave to be judged, of what the best of them leaves."""
-_CLEARANCE = 0.05
+CLEARANCE = 0.05
 """How far the arm's links keep from the glass [m]."""
 
 
@@ -56,7 +56,7 @@ def _free(looks: MirrorLooks, workspace: VisibleWorkspace, rng: np.random.Genera
         if workspace.body.collides(q):
             continue
         command = commands_of_angles(looks.body.joints, arm.lower, arm.upper, q[None])
-        if looks.clearance(command[0]) > _CLEARANCE:
+        if looks.clearance(command[0]) > CLEARANCE:
             found = np.concatenate([found, command])
         if len(found) == _CANDIDATES:
             break

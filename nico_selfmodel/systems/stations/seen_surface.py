@@ -65,21 +65,28 @@ class SeenSurface:
             self._links += [link] * len(surface.solids)
         self._rig, self._mirror, self._cases = rig, mirror, set(cases)
 
-    def in_mirror_only(
-        self, links: Sequence[str], count: int, rng: np.random.Generator, across: float = 0.0
+    def in_mirror(
+        self,
+        links: Sequence[str],
+        count: int,
+        rng: np.random.Generator,
+        across: float = 0.0,
+        *,
+        directly: bool = False,
     ) -> SeenPlaces:
-        """Return places that both cameras see in the mirror and neither sees directly.
+        """Return places that both cameras see in the mirror and neither sees directly, or both do.
 
         They are drawn evenly over the left camera's picture.
 
         Args:
             count: How many at most.
             across: Diameter of what is put there: a disc that lies so flat to a line of sight that
-                it looks narrower than a pixel is not seen [m].
+                it looks narrower than a pixel in the mirror is not seen [m].
+            directly: Whether both cameras see them directly, too; else neither does.
         """
         p_LQ, on = self._followed(links, rng, True)
         for camera in self._rig.cameras:
-            kept = self._sees(camera, p_LQ, True) & ~self._sees(camera, p_LQ, False)
+            kept = self._sees(camera, p_LQ, True) & (self._sees(camera, p_LQ, False) == directly)
             if across:
                 kept[kept] = self._width(camera, p_LQ[kept], across) >= _NARROWEST
             p_LQ, on = p_LQ[kept], on[kept]
