@@ -108,8 +108,25 @@ def chess_print(columns, rows, square):
     return Print(white, square / side, (-1.5 * square, -1.5 * square))
 
 
-def april_print(columns, rows, size, spacing, dictionary, border=2):
-    """Print a grid of tags as Kalibr does: ids from the lower left, borders of two cells."""
+CODES_36H11 = (
+    *(0xD5D628584, 0xD97F18B49, 0xDD280910E, 0xE479E9C98, 0xEBCBCA822),
+    *(0xF31DAB3AC, 0x056A5D085, 0x10652E1D4, 0x22B1DFEAD, 0x265AD0472),
+)
+"""Cells of the first tags of 36h11 row by row, 1 where white: from the AprilTag library."""
+
+
+def cells_of_code(code):
+    """Return a tag's inner cells as its library prints them, True where white. Shape (6, 6)."""
+    return np.array([int(bit) for bit in f"{code:036b}"]).reshape(6, 6) > 0
+
+
+def april_print(columns, rows, size, spacing, dictionary, border=2, turned=False):
+    """Print a grid of tags as Kalibr does: ids from the lower left, borders of two cells.
+
+    The tags stand as their library has them, whatever OpenCV does, or are turned round.
+    """
+    inner = cv2.aruco.generateImageMarker(dictionary, 0, 8)[1:-1, 1:-1] > 0
+    turned ^= not np.array_equal(inner, cells_of_code(CODES_36H11[0]))
     cells = 6 + 2 * border
     cell = 80 // cells
     tag, gap = 80, round(80 * spacing)
@@ -122,6 +139,7 @@ def april_print(columns, rows, size, spacing, dictionary, border=2):
         c, up = number % columns, number // columns
         top, left = (rows - 1 - up) * pitch + gap, c * pitch + gap
         bits = cv2.aruco.generateImageMarker(dictionary, number, cells, borderBits=border) > 0
+        bits = bits[::-1, ::-1] if turned else bits
         part = np.kron(bits, np.ones((cell, cell), bool))
         white[top : top + tag, left : left + tag] = part
     white = np.pad(white, tag // 2, constant_values=True)

@@ -8,6 +8,7 @@ from nico_selfmodel.vision.images.not_seen import NotSeen
 from nico_selfmodel.vision.markers.fiducial import FiducialSearch
 from nico_selfmodel.vision.markers.fiducial_family import FiducialFamily
 
+from .printed_boards import CODES_36H11, cells_of_code
 from .rendering import random_view, render_marker
 
 FAMILIES = ["apriltag_36h11", "aruco_4x4_50", "aruco_5x5_100", "aruco_6x6_250", "aruco_original"]
@@ -147,3 +148,16 @@ def test_markers_that_are_their_own_mirror_images_are_known():
 def test_wrong_arguments_are_refused(call, message, draw_scene):
     with pytest.raises(ValueError, match=message):
         call(draw_scene())
+
+
+@pytest.mark.parametrize("border", [1, 2])
+def test_april_tags_stand_upright_as_their_own_library_prints_them(border):
+    family = FiducialFamily("apriltag_36h11")
+    for tag, code in enumerate(CODES_36H11):
+        inner = family.upright(tag, border)[border:-border, border:-border]
+        np.testing.assert_array_equal(inner, cells_of_code(code))
+
+
+def test_tags_of_other_makers_stand_upright_as_opencv_has_them():
+    family = FiducialFamily("aruco_5x5_100")
+    np.testing.assert_array_equal(family.upright(7, 1), family.pattern(7, 1))

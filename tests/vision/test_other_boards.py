@@ -295,6 +295,39 @@ def test_a_board_of_other_columns_is_named(kind, stated, columns, photograph):
     assert seen.reason.endswith(f"the tags lie as on a board of {columns} columns")
 
 
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("hidden", slow_rest([0.2, 0.5, 0.75]))
+def test_a_grid_is_found_as_kalibr_prints_it_and_as_opencv_does(turned, hidden):
+    """OpenCV has AprilTags half a turn on, but for its latest; its print is told by its tags."""
+    printed = printed_boards.april_print(6, 6, 0.044, 0.3, TAGS_36H11, turned=turned)
+    photo = printed_boards.photographed(
+        printed, APRIL.points, np.random.default_rng(8), hidden=hidden
+    )
+    seen = APRIL.find(photo.image, 11)
+    assert np.count_nonzero(seen.seen) > 0.35 * np.count_nonzero(photo.free)
+    assert np.sqrt(np.nanmean((seen.corners - photo.pixels) ** 2)) < 0.03
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_two_tags_tell_how_a_grid_was_printed_and_one_does_not(turned):
+    printed = printed_boards.april_print(6, 6, 0.044, 0.3, TAGS_36H11, turned=turned)
+    photo = printed_boards.photographed(printed, APRIL.points, np.random.default_rng(8))
+    for tags in ((14,), (14, 15), (14, 22)):
+        image = np.full_like(photo.image, 120)
+        for tag in tags:
+            own = photo.pixels[4 * tag : 4 * tag + 4]
+            room = 0.4 * np.linalg.norm(own[0] - own[2])
+            low, high = (own.min(axis=0) - room).astype(int), (own.max(axis=0) + room).astype(int)
+            part = slice(low[1], high[1]), slice(low[0], high[0])
+            image[part] = photo.image[part]
+        seen = APRIL.find(image, 11)
+        if len(tags) == 1:
+            assert isinstance(seen, NotSeen)
+            continue
+        assert np.count_nonzero(seen.seen) >= 6
+        assert np.nanmax(np.abs(seen.corners - photo.pixels)) < 0.1
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("tag", [40.0, 48.0])
 def test_tags_of_another_size_are_named(tag, photograph):

@@ -3,7 +3,9 @@
 Each corner of a tag touches the corner of a black square, a crossing of two edges like that of a
 chessboard. The detector of tags takes what touches for one shape, so that the light is first
 widened by a pixel or two. Format: Kalibr's wiki, "Calibration targets": tags from the lower left,
-row by row; here the picture's rows run the same way as the board's y.
+row by row; here the picture's rows run the same way as the board's y. Kalibr prints tags as their
+own library does; OpenCV before its fifth version, and 5.0.0, has them half a turn on (its pull
+request 28823), and who prints a grid with it, too: boards are found either way.
 """
 
 from dataclasses import dataclass, replace
@@ -79,7 +81,7 @@ class AprilGrid(TaggedBoard):
         squares = np.column_stack([corners, np.full((len(corners), 2), gap)])
         family = FiducialFamily(self.family)
         tags = [
-            cells_of(family.pattern(tag, self.border), self.tag_corners[tag, 0], self.tag)
+            cells_of(family.upright(tag, self.border), self.tag_corners[tag, 0], self.tag)
             for tag in range(self.count)
         ]
         return Ink.of_blocks(squares, *tags)
@@ -105,29 +107,35 @@ class AprilGrid(TaggedBoard):
 
     def _rough(self, gray: NDArray, tags: TagsSeen) -> list[NDArray]:
         del gray
-        return [self._agreeing(tags.among(range(self.count)))]
+        own = tags.among(range(self.count))
+        turned = replace(own, corners=np.roll(own.corners, 2, axis=1))
+        return [self._agreeing(own), self._agreeing(turned)]
 
     def _problem_with(self, found: NDArray) -> str | None:
         return wrong_tag(self.tag_corners, self.tag, found.reshape(-1, 4, 2))
 
     def _agreeing(self, tags: TagsSeen) -> NDArray:
-        """Return corners of the tags that lie where the others have them. Shape (P, 2)."""
+        """Return corners of the tags that lie where the others have them. Shape (P, 2).
+
+        Of two tags each must lie where both have it.
+        """
         rough = np.full((4 * self.count, 2), np.nan)
         for tag, corners in zip(tags.ids, tags.corners, strict=True):
             rough[4 * tag : 4 * tag + 4] = corners
         points, seen = self.points[:, :2].reshape(-1, 4, 2), rough.reshape(-1, 4, 2).copy()
         ids = np.array(tags.ids)
-        if len(ids) <= 2:
+        if len(ids) < 2:
             return rough
+        few = len(ids) == 2
         for tag in tags.ids:
             away = np.linalg.norm(points[ids, 0] - points[tag, 0], axis=1)
-            near = ids[np.argsort(away)[1 : _NEAR + 1]]
+            near = ids if few else ids[np.argsort(away)[1 : _NEAR + 1]]
             flat = (points[near].reshape(-1, 2), seen[near].reshape(-1, 2))
-            H, _ = cv2.findHomography(*flat, cv2.LMEDS)
+            H, _ = cv2.findHomography(*flat, 0 if few else cv2.LMEDS)
             side = np.linalg.norm(seen[tag, 0] - seen[tag, 1])
             off = np.inf
             if H is not None:
                 off = np.abs(apply_homography(H, points[tag]) - seen[tag]).max()
-            if off > max(_OFF * side, 4.0):
+            if not off <= max(_OFF * side, 4.0):
                 rough[4 * tag : 4 * tag + 4] = np.nan
         return rough

@@ -9,7 +9,10 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.names import refuse_unknown
 
-DEFAULT_FAMILY = "apriltag_36h11"
+_APRILTAG = "apriltag_"
+DEFAULT_FAMILY = f"{_APRILTAG}36h11"
+_FIRST_36H11 = 0xD5D628584
+"""Cells of its tag 0, row by row, 1 where white: from the AprilTag library's `tag36h11.c`."""
 ERROR_CORRECTION = 0.6
 """Share of the wrong cells that a family could put right, that is put right: OpenCV's default."""
 
@@ -17,7 +20,7 @@ ERROR_CORRECTION = 0.6
 def _opencv_names() -> dict[str, int]:
     names = {}
     for tag in ("16h5", "25h9", "36h10", "36h11"):
-        names[f"apriltag_{tag}"] = getattr(cv2.aruco, f"DICT_APRILTAG_{tag}")
+        names[f"{_APRILTAG}{tag}"] = getattr(cv2.aruco, f"DICT_APRILTAG_{tag}")
     for bits in (4, 5, 6, 7):
         for count in (50, 100, 250, 1000):
             size = f"{bits}X{bits}_{count}"
@@ -78,10 +81,27 @@ class FiducialFamily:
         cells = self.cells + 2 * (border - 1)
         return cv2.aruco.generateImageMarker(self.dictionary, marker, cells, borderBits=border) > 0
 
+    def upright(self, marker: int, border: int = 1) -> NDArray:
+        """Return a marker's cells as the AprilTag library prints them, whatever OpenCV does.
+
+        Args and returns as `pattern`; families of others are as OpenCV has them.
+        """
+        cells = self.pattern(marker, border)
+        turned = self.name.startswith(_APRILTAG) and _half_a_turn_on()
+        return cells[::-1, ::-1] if turned else cells
+
     @property
     def mirror_twins(self) -> frozenset[int]:
         """Ids that look in a mirror like a marker of this family, so that nobody can tell."""
         return _mirror_twins(self.name)
+
+
+@cache
+def _half_a_turn_on() -> bool:
+    """Tell whether OpenCV's AprilTags are turned round against those of their own library."""
+    inner = FiducialFamily(f"{_APRILTAG}36h11").pattern(0)[1:-1, 1:-1]
+    first = np.array([int(bit) for bit in f"{_FIRST_36H11:036b}"]).reshape(6, 6) > 0
+    return bool((inner[::-1, ::-1] == first).all())
 
 
 @cache
