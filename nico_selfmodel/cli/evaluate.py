@@ -64,13 +64,18 @@ def _of_body(model: Path, dataset: Path) -> "tuple[Verdict, dict[str, Any]]":
     from nico_selfmodel.dataset.body.body_folder import load_body_dataset
     from nico_selfmodel.estimation.model_verdict import judge_body_errors
     from nico_selfmodel.estimation.monitoring.body_health import body_contradictions
-    from nico_selfmodel.estimation.tree.compared_errors import errors_beside_training
+    from nico_selfmodel.estimation.tree.compared_errors import (
+        errors_beside_training,
+        other_errors_beside_training,
+    )
     from nico_selfmodel.estimation.tree.tree_errors import errors_of
     from nico_selfmodel.model.tree.body_model import load_body
 
     learned, data = load_body(model), load_body_dataset(dataset)
-    errors = errors_beside_training(learned, errors_of(learned.tree, data))
-    verdict = judge_body_errors(learned, errors, body_contradictions(learned, data))
+    left = errors_of(learned.tree, data)
+    errors = errors_beside_training(learned, left)
+    others = other_errors_beside_training(learned, left, errors)
+    verdict = judge_body_errors(learned, errors, body_contradictions(learned, data), others)
     return verdict, errors.to_json() or {"n": 0}
 
 

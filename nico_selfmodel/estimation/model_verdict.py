@@ -1,6 +1,6 @@
 """PASS, FAIL or NOT_EVALUATED for a self-model held against new data."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -88,29 +88,45 @@ def _against(
 
 
 def judge_body_errors(
-    model: BodyModel, errors: Errors, against: Contradictions | None = None
+    model: BodyModel,
+    errors: Errors,
+    against: Contradictions | None = None,
+    others: Sequence[Errors] = (),
 ) -> Verdict:
     """Judge a body by new data, against the errors that its training lets expect.
 
     Args:
         errors: What it leaves of a recording.
         against: Poses of it that contradict the body, where that is known.
+        others: What it leaves by other kinds, as pixels beside places.
 
     Returns:
         FAIL where the errors are significantly above what was expected, or more poses contradict
         than false detections explain; NOT_EVALUATED where the body does not say what to expect, or
         the poses are too few.
     """
-    expected, found = model.expected.get(errors.compared_by), errors.compared
-    median_key = "median" if errors.relative_to is None else RELATIVE
-    if expected is None or min(expected["n"], len(found)) < FEWEST_COMPARED:
+    each = [(one, model.expected.get(one.compared_by)) for one in (errors, *others)]
+    told = [
+        (one, expected)
+        for one, expected in each
+        if expected is not None and min(expected["n"], len(one.compared)) >= FEWEST_COMPARED
+    ]
+    if not told:
         return Verdict("NOT_EVALUATED", ("there is too little to compare the error with",))
-    counts = len(found), int(expected["n"])
-    one = _Compared.of(
-        found, float(expected[median_key]), *counts, errors.compared_size, errors.unit
-    )
+    compared = [
+        _Compared.of(
+            one.compared,
+            float(expected["median" if one.relative_to is None else RELATIVE]),
+            len(one.compared),
+            int(expected["n"]),
+            one.compared_size,
+            one.unit,
+        )
+        for one, expected in told
+    ]
     named = against.words if against is not None and against.count else ""
-    return _beside_training([one], against, named, often=_often_above(errors, expected))
+    often = next(filter(None, (_often_above(*one) for one in told)), "")
+    return _beside_training(compared, against, named, often=often)
 
 
 def _often_above(errors: Errors, expected: Mapping[str, float]) -> str:

@@ -14,6 +14,7 @@ from nico_selfmodel.estimation.tree.compared_errors import (
     errors_beside_training,
     errors_of_tree,
     expected_errors,
+    other_errors_beside_training,
     usual_errors,
 )
 from nico_selfmodel.estimation.tree.tree_calibration import refit_tree
@@ -83,6 +84,57 @@ def test_far_poses_that_are_too_far_off_fail():
     assert judge_body_errors(body, found).status == "FAIL"
     sound = errors_beside_training(body, errors_of(far.tree, far.data))
     assert judge_body_errors(body, sound).status == "PASS"
+
+
+def shifted(data, sensors, by):
+    """Return a recording of which some sensors saw all a little aside."""
+    table = data.observations
+    own = np.isin(np.array([s.name for s in data.sensors])[table.sensor], sensors)
+    return replace(data, observations=replace(table, values=table.values + by * own[:, None]))
+
+
+@pytest.mark.parametrize(
+    ("sensors", "by", "status"),
+    [((), 0.0, "PASS"), (("left",), 3.0, "FAIL"), (("tracker",), 2e-3, "FAIL")],
+)
+def test_each_kind_of_error_is_held_against_its_own(both, sensors, by, status):
+    """A camera that moved leaves what a tracker measured where it was."""
+    tree, data, free, _ = both
+    found = refit_tree(tree, data, free, world="tracker")
+    kept = ~found.solution.outliers
+    expected = expected_errors(found.train, kept, None)
+    body = BodyModel("arm", found.tree, np.ones(5), noise=NOISE, expected=expected)
+    left = errors_of(found.tree, shifted(data, sensors, by))
+    first = errors_beside_training(body, left)
+    others = other_errors_beside_training(body, left, first)
+    assert (first.compared_by, [one.compared_by for one in others]) == ("mm", ["px"])
+    assert judge_body_errors(body, first, None, others).status == status
+
+
+def test_pixels_are_judged_where_places_are_too_few(both):
+    tree, data, free, _ = both
+    found = refit_tree(tree, data, free, world="tracker")
+    expected = expected_errors(found.train, ~found.solution.outliers, None)
+    body = BodyModel("arm", found.tree, np.ones(5), noise=NOISE, expected=expected)
+    few = shifted(data, ("left",), 20.0).select(np.arange(80) >= 37)
+    left = errors_of(found.tree, few)
+    first = errors_beside_training(body, left)
+    assert (first.compared_by, len(first.compared)) == ("mm", 3)
+    assert judge_body_errors(body, first).status == "NOT_EVALUATED"
+    others = other_errors_beside_training(body, left, first)
+    assert judge_body_errors(body, first, None, others).status == "FAIL"
+
+
+@pytest.mark.parametrize(("by", "status"), [(0.0, "PASS"), (3.0, "FAIL")])
+def test_held_out_pixels_that_are_worse_fail_though_places_are_not(both, by, status):
+    tree, data, free, _ = both
+    odd = np.arange(80) % 2 == 1
+    test = shifted(data, ("left",), by).select(odd)
+    found = refit_tree(tree, data.select(~odd), free, world="tracker", test=test)
+    result = tree_result(found)
+    assert result.test.compared_by == "mm"
+    assert [test.compared_by for test, _ in result.compared_too] == ["px"]
+    assert judge(found).status == status
 
 
 @pytest.fixture(scope="module")

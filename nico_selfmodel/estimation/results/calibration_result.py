@@ -161,6 +161,9 @@ class CalibrationResult:
     """Held-out data; None where nothing was held out."""
     cross_validation: Errors | None = None
     """Inliers of the training data, each predicted without its fold."""
+    compared_too: tuple[tuple[Errors, Errors], ...] = ()
+    """What `test` and `cross_validation` are by other kinds, as pixels beside places: held-out data
+    are worse where they are by any."""
     outliers: NDArray
     """Training observations that contradict the rest. Boolean, shape (N,)."""
     outlier_names: tuple[Any, ...]

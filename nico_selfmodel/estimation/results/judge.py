@@ -96,17 +96,18 @@ def _unobservable_reasons(result: CalibrationResult) -> list[str]:
 
 def _held_out_reason(result: CalibrationResult) -> str | None:
     """Say when held-out poses fit significantly worse than cross-validated ones."""
-    test, crossed, terms = result.test, result.cross_validation, result.terms
-    if test is None or crossed is None:
-        return None
-    worse = held_out_is_worse(crossed.compared, test.compared)
-    if worse is None:
-        return None
-    found, expected = (f"{test.compared_size * median:.3g} {test.unit}" for median in worse)
-    return (
-        f"the held-out error (median {found}) is significantly above that of the training "
-        f"{terms.held_out} in cross-validation ({expected}): {terms.worse_cause}"
-    )
+    terms = result.terms
+    for test, crossed in ((result.test, result.cross_validation), *result.compared_too):
+        if test is None or crossed is None:
+            continue
+        worse = held_out_is_worse(crossed.compared, test.compared)
+        if worse is not None:
+            found, expected = (f"{test.compared_size * median:.3g} {test.unit}" for median in worse)
+            return (
+                f"the held-out error (median {found}) is significantly above that of the training "
+                f"{terms.held_out} in cross-validation ({expected}): {terms.worse_cause}"
+            )
+    return None
 
 
 def _bound_reason(result: CalibrationResult, bound: float | None, unit: str) -> str | None:

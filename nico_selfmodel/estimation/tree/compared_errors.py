@@ -112,7 +112,8 @@ def errors_of_tree(
 
     Args:
         keep: Rows of the table that count. Boolean, shape (N,).
-        among: What it may be compared by, of `COMPARED`, the most telling first.
+        among: What it may be compared by, of `COMPARED`, the most telling first; where nothing of
+            that was measured, nothing is compared.
         usual: See `usual_errors`: what is compared is in units of that, if given, and without what
             is `alone_off`. Shape (N,).
     """
@@ -151,12 +152,54 @@ def errors_of_tree(
 
 def errors_beside_training(model: BodyModel, errors: TreeErrors) -> Errors:
     """Return errors of new data by what a body says to expect."""
-    among = [key for key in COMPARED if key in model.expected]
+    return _beside(model, errors, [key for key in COMPARED if key in model.expected])
+
+
+def other_errors_beside_training(
+    model: BodyModel, errors: TreeErrors, first: Errors
+) -> tuple[Errors, ...]:
+    """Return the same by all else that new data have, and a body says to expect.
+
+    A camera that moved leaves places of a tracker where they are.
+
+    Args:
+        first: What `errors_beside_training` returns.
+    """
+    rest = [key for key in COMPARED if key in model.expected and key != first.compared_by]
+    found = [_beside(model, errors, [key]) for key in rest]
+    return tuple(e for key, e in zip(rest, found, strict=True) if e.compared_by == key)
+
+
+def _beside(model: BodyModel, errors: TreeErrors, among: Iterable[str]) -> Errors:
+    """Return errors by one of some kinds, in units of usual ones where they are expected so."""
     found = errors_of_tree(errors, None, among)
     if RELATIVE not in model.expected.get(found.compared_by, {}):
         return found
     usual = usual_errors(model.tree, errors.observations, model.noise)
     return found if usual is None else errors_of_tree(errors, None, among, usual)
+
+
+def held_beside_crossed(
+    held: TreeErrors,
+    crossed: TreeErrors,
+    inliers: NDArray,
+    usual: tuple[NDArray | None, NDArray | None],
+    first: str,
+) -> tuple[tuple[Errors, Errors], ...]:
+    """Return held-out errors and those of cross-validation by all kinds but the first.
+
+    Args:
+        inliers: Rows of the training that count. Boolean, shape (N,).
+        usual: See `usual_errors`: of both, or neither.
+        first: What the first are compared by.
+    """
+    pairs = []
+    for key in COMPARED:
+        test = errors_of_tree(held, None, (key,), usual[0])
+        train = errors_of_tree(crossed, inliers, (key,), usual[1])
+        if key != first and len(test.compared) and len(train.compared):
+            pairs.append((test, train))
+    return tuple(pairs)
 
 
 def _by_pose(distance: NDArray, pose: NDArray, rows: NDArray) -> NDArray:

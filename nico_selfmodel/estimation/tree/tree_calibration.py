@@ -19,6 +19,7 @@ from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend
 from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boards
 from nico_selfmodel.estimation.tree.compared_errors import usual_errors
 from nico_selfmodel.estimation.tree.contradictions.against_the_rest import refuse_odd_sensor
+from nico_selfmodel.estimation.tree.contradictions.behind_cameras import refuse_behind
 from nico_selfmodel.estimation.tree.contradictions.heavy_tails import noise_to_expect
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, held_scores
 from nico_selfmodel.estimation.tree.contradictions.mended_readings import start_as_it_was_read
@@ -248,6 +249,7 @@ def calibrate_tree(
     held, masses = frozenset(wishes.pins.pinned), description and description.masses
     bends = partial(_bent, held=held, effects=effects, up=up, seed=seed, masses=masses)
     refined = found.refined if first is found.start else first.refined(found.observations)
+    refuse_behind(first.parameters.tree_of(refined[1].values), refined[0].observations)
     return _finished(first, refined, data, test, description, name, found.costs, clock, bends)
 
 

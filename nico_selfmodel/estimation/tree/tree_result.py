@@ -9,6 +9,7 @@ from nico_selfmodel.dataset.body.body_folder import body_content_hash
 from nico_selfmodel.estimation.bending.what_bends import bending_json
 from nico_selfmodel.estimation.results.calibration_result import (
     CalibrationResult,
+    Errors,
     Parameter,
     Terms,
     finite,
@@ -16,7 +17,12 @@ from nico_selfmodel.estimation.results.calibration_result import (
 )
 from nico_selfmodel.estimation.results.provenance import package_versions
 from nico_selfmodel.estimation.results.unobservable_words import name_unobservable
-from nico_selfmodel.estimation.tree.compared_errors import COMPARED, errors_of_tree, expected_errors
+from nico_selfmodel.estimation.tree.compared_errors import (
+    COMPARED,
+    errors_of_tree,
+    expected_errors,
+    held_beside_crossed,
+)
 from nico_selfmodel.estimation.tree.contradictions.unplaced_markers import in_the_middle
 from nico_selfmodel.estimation.tree.guesses.hand_eye import only_axis
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
@@ -50,6 +56,10 @@ def tree_result(calibration: TreeCalibration) -> CalibrationResult:
     usual = None if test is not None and test.relative_to is None else calibration.usual
     inliers = ~solution.outliers
     poses = data.observations.pose[solution.outliers]
+    too: tuple[tuple[Errors, Errors], ...] = ()
+    if held is not None and test is not None and crossed is not None:
+        both = (usual_test, usual) if usual is not None else (None, None)
+        too = held_beside_crossed(held, crossed, inliers, both, test.compared_by)
     return CalibrationResult(
         method="tree",
         parameters=_parameters(calibration),
@@ -58,6 +68,7 @@ def tree_result(calibration: TreeCalibration) -> CalibrationResult:
         cross_validation=None
         if crossed is None
         else errors_of_tree(crossed, inliers, among, usual),
+        compared_too=too,
         outliers=solution.outliers,
         outlier_names=tuple(sorted(set(data.sample[poses[poses >= 0]].tolist()))),
         unobservable=_unobservable(calibration),
