@@ -18,10 +18,14 @@ def minimum_near(program: Any, start: NDArray, of: Any, most: int | None = None)
             if omitted.
 
     Returns:
-        Shape (k,). A solver that gives up leaves its last values: whoever asks must look whether
-        they are good.
+        Shape (k,). A solver that gives up leaves its last values, and one to which a cost or a
+        constraint cannot be told somewhere on its way, as the distance of shapes one inside the
+        other, those that it began with: whoever asks must look whether they are good.
     """
     options = SolverOptions()
     if most is not None:
         options.SetOption(SnoptSolver.id(), "Major iterations limit", most)
-    return np.asarray(Solve(program, start, options).GetSolution(of), dtype=float)
+    try:
+        return np.asarray(Solve(program, start, options).GetSolution(of), dtype=float)
+    except RuntimeError:
+        return np.array(start, dtype=float)[program.FindDecisionVariableIndices(of)]

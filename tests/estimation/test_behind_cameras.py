@@ -7,7 +7,7 @@ import pytest
 
 from nico_selfmodel.dataset.body.joining import joined
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.tree.contradictions.behind_cameras import refuse_behind
+from nico_selfmodel.estimation.tree.contradictions.against_the_rest import refuse_behind
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.model.tree.body_tree import WORLD
@@ -62,5 +62,5 @@ def test_a_left_handed_tracker_beside_cameras_is_refused():
     own = np.array([s.kind for s in data.sensors])[table.sensor] == "points"
     values = table.values.copy()
     values[own, 1] *= -1.0
-    with pytest.raises(DataError, match="left-handed"):
+    with pytest.raises(DataError, match=r"(left|right)-handed"):
         calibrate_tree(replace(data, observations=replace(table, values=values)))

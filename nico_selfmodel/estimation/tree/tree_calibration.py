@@ -18,8 +18,10 @@ from nico_selfmodel.estimation.diagnosis.flatness import Flatness
 from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend
 from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boards
 from nico_selfmodel.estimation.tree.compared_errors import usual_errors
-from nico_selfmodel.estimation.tree.contradictions.against_the_rest import refuse_odd_sensor
-from nico_selfmodel.estimation.tree.contradictions.behind_cameras import refuse_behind
+from nico_selfmodel.estimation.tree.contradictions.against_the_rest import (
+    refuse_behind,
+    refuse_odd_sensor,
+)
 from nico_selfmodel.estimation.tree.contradictions.heavy_tails import noise_to_expect
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, held_scores
 from nico_selfmodel.estimation.tree.contradictions.mended_readings import start_as_it_was_read
@@ -217,8 +219,7 @@ def calibrate_tree(
         name: Name of the body; the recording's if omitted.
         effects: What may bend, of `estimation.bending.steps.STEPS`: kept where unseen poses gain.
             With none they are asked for all the same, to tell what they would explain.
-        up: Unit vertical in W, for sag; the first axis that turns and W's are tried if omitted.
-            Shape (3,).
+        up: Unit vertical in W, for sag; the first axis that turns, and W's, if omitted. Shape (3,).
 
     Returns:
         The calibration. A failed check does not raise: see `estimation.judging.judge`.

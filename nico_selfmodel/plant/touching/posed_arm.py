@@ -181,14 +181,23 @@ class PosedArm:
         query: Any = self._scene.get_query_output_port().Eval(
             self._scene.GetMyContextFromRoot(self._root)
         )
-        pairs = query.ComputeSignedDistancePairwiseClosestPoints(_FAR)
+        try:
+            pairs = query.ComputeSignedDistancePairwiseClosestPoints(_FAR)
+            distances = [float(pair.distance) for pair in pairs]
+        except RuntimeError:
+            # Of some shapes that lie one inside the other FCL tells how deep, and no distance.
+            pairs = query.ComputePointPairPenetration()
+            distances = [-float(pair.depth) for pair in pairs]
+            if not pairs:  # they do by next to nothing
+                return 0.0, "links that touch"
         if not pairs:
             return _FAR, "nothing"
-        nearest = min(pairs, key=lambda pair: pair.distance)
+        least = int(np.argmin(distances))
+        nearest = pairs[least]
         inspector = query.inspector()
         frames = [inspector.GetFrameId(one) for one in (nearest.id_A, nearest.id_B)]
         links = [self.plant.GetBodyFromFrameId(frame).name() for frame in frames]
-        return float(nearest.distance), " and ".join(sorted(links))
+        return distances[least], " and ".join(sorted(links))
 
     def clearance_on(self, readings: NDArray) -> tuple[float, str]:
         """Return the least `clearance` of postures, and between which links.

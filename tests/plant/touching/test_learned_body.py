@@ -1,6 +1,7 @@
 """What was seen of the body is kept off where it was learned to be."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -89,6 +90,34 @@ def test_what_was_seen_stands_where_the_body_does(nico):
         posed.pose(q)
     assert gone.clearance() == inside.clearance()
     assert here.clearance()[0] <= inside.clearance()[0]
+
+
+class Undecided:
+    """A query to which FCL tells no distances, as of some shapes that lie one inside the other."""
+
+    def __init__(self, query):
+        self.query = query
+
+    def __getattr__(self, name):
+        return getattr(self.query, name)
+
+    def ComputeSignedDistancePairwiseClosestPoints(self, _):
+        raise RuntimeError("The origin is outside of the polytope")
+
+
+def test_a_distance_that_cannot_be_told_is_how_deep_shapes_lie_in_each_other(nico, monkeypatch):
+    arm, model, held = nico
+    posed = PosedArm(arm, model, FINGER, held, body(ball_shape("head", 0.3, np.zeros(3))))
+    posed.pose(0.5 * (arm.lower + arm.upper))
+    told = posed.clearance()
+    assert told[0] < 0.0
+    port = posed._scene.get_query_output_port()
+    scene = SimpleNamespace(
+        get_query_output_port=lambda: SimpleNamespace(Eval=lambda at: Undecided(port.Eval(at))),
+        GetMyContextFromRoot=posed._scene.GetMyContextFromRoot,
+    )
+    monkeypatch.setattr(posed, "_scene", scene)
+    assert posed.clearance() == (pytest.approx(told[0], abs=1e-4), told[1])
 
 
 def test_a_shape_of_another_robot_is_refused_in_one_line(nico):
