@@ -10,7 +10,10 @@ from nico_selfmodel.errors import DataError
 from nico_selfmodel.vision.boards.board_detections import detect_boards, detect_boards_of_cameras
 from nico_selfmodel.vision.boards.board_images import (
     camera_images,
+    images_by_folder,
+    images_by_pattern,
     images_of_one,
+    pairs_by_pattern,
     stereo_pairs,
 )
 from nico_selfmodel.vision.boards.chessboard import Board
@@ -53,6 +56,52 @@ def test_a_camera_that_has_a_folder_of_its_own_needs_no_prefix(folder, tmp_path)
     for name in ("02.png", "10.png", "1.png"):
         (own / name).write_bytes((folder / "left1.png").read_bytes())
     assert [name for name, _ in images_of_one(own, "left")] == ["1", "02", "10"]
+
+
+def files_of(folder, *names):
+    """Make files that are listed as photographs."""
+    for name in names:
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(b"of no interest")
+
+
+@pytest.mark.parametrize(
+    ("names", "pattern", "view"),
+    [
+        (("d1/i2_3.png", "d1_2/i3.png"), "d*/i*.png", "1_2_3"),
+        (("e1/b.png", "e/b1.png"), "e*/b*.png", "1"),
+    ],
+)
+def test_two_photographs_that_a_pattern_takes_for_one_view_are_refused(
+    tmp_path, names, pattern, view
+):
+    files_of(tmp_path, *names)
+    same = rf"^{tmp_path}/.*: .*/{names[0]} and .*/{names[1]} are the same view, '{view}': "
+    either = same.replace(names[0], "(one)").replace(names[1], names[0]).replace("(one)", names[1])
+    for listed in (images_by_pattern, lambda left: pairs_by_pattern(left, left)):
+        with pytest.raises(DataError, match=f"{same}|{either}"):
+            listed(f"{tmp_path}/{pattern}")
+
+
+def test_two_photographs_of_one_name_in_the_folder_of_a_camera_are_refused(tmp_path):
+    files_of(tmp_path, "cam0/1.png", "cam0/2.png", "cam1/1.jpg")
+    found = images_by_folder(tmp_path)
+    assert [(camera, len(images)) for camera, images in found.items()] == [("cam0", 2), ("cam1", 1)]
+    files_of(tmp_path, "cam0/1.jpg")
+    with pytest.raises(DataError, match=r"cam0: 1\.(png and 1\.jpg|jpg and 1\.png) are the same"):
+        images_by_folder(tmp_path)
+
+
+def test_wildcards_stand_for_what_they_stand_for_in_a_shell(tmp_path):
+    files_of(tmp_path, "a1.png", "b1.png", "b2.png", "c10.png")
+
+    def names(pattern):
+        return [path.name for _, path in images_by_pattern(f"{tmp_path}/{pattern}")]
+
+    assert names("[!a]*.png") == ["b1.png", "b2.png", "c10.png"]
+    assert names("[ab]?.png") == ["a1.png", "b1.png", "b2.png"]
+    assert names("[a-b]1*") == ["a1.png", "b1.png"]
 
 
 def test_copies_of_photographs_are_left_out_by_name(folder):
