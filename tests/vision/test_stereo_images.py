@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.vision.boards.board_detection import BoardDetection
 from nico_selfmodel.vision.boards.board_detections import detect_boards, detect_boards_of_cameras
 from nico_selfmodel.vision.boards.board_images import (
     camera_images,
@@ -28,6 +29,19 @@ def board_image():
     rng = np.random.default_rng(0)
     H = random_view(rng, 130, (320, 240), tilt=0.3, roll=0.3)
     return render_board(5, 4, H, rng).image
+
+
+@pytest.fixture
+def two_days(tmp_path, board_image):
+    """Return cameras whose photographs lie in folders of one name; each saw no board once."""
+    images = {}
+    for day in ("day1", "day2"):
+        folder = tmp_path / day / "cam"
+        folder.mkdir(parents=True)
+        cv2.imwrite(str(folder / "01.png"), board_image)
+        cv2.imwrite(str(folder / "02.png"), np.full_like(board_image, 90))
+        images[day] = [("1", folder / "01.png"), ("2", folder / "02.png")]
+    return images
 
 
 @pytest.fixture
@@ -130,6 +144,12 @@ def test_corners_that_one_camera_did_not_see_are_nan_with_the_reason(folder):
     np.testing.assert_array_equal(one.views.of_camera("right"), found.views.of_camera("right"))
 
 
+def test_photographs_in_folders_of_one_name_are_told_apart(two_days):
+    found = detect_boards_of_cameras(two_days, BOARD, 4)
+    assert sorted(found.not_seen) == ["day1/cam/02.png", "day2/cam/02.png"]
+    assert found.document["files"]["day2"] == {"1": "day2/cam/01.png", "2": "day2/cam/02.png"}
+
+
 def test_a_window_that_sees_neighbouring_corners_is_warned_of(folder):
     """Of faint boards, whose corners are `cornerSubPix`'s; windows of plain ones are cut anyway."""
     with warnings.catch_warnings():
@@ -184,6 +204,18 @@ def test_a_missing_folder_is_named(tmp_path):
         stereo_pairs(tmp_path / "nowhere")
     with pytest.raises(DataError, match=r"no images left\*.png"):
         camera_images(tmp_path, "left")
+
+
+def test_of_parts_seen_equally_often_the_largest_is_asked_about(folder, monkeypatch):
+    board, lefts = Board(12, 9, 0.03), camera_images(folder, "left")
+    parts = []
+    for columns, rows in ((9, 6), (10, 7), (8, 6)):
+        corners = np.full((9, 12, 2), np.nan)
+        corners[:rows, :columns] = 1.0
+        parts.append(BoardDetection(board, corners.reshape(-1, 2), "", None, loose=True))
+    monkeypatch.setattr(Board, "find", lambda *_: parts.pop())
+    with pytest.raises(DataError, match="is it a 10x7 board"):
+        detect_boards_of_cameras({"left": lefts}, board, 4)
 
 
 @pytest.mark.slow
