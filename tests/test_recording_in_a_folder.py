@@ -8,7 +8,9 @@ import pytest
 from nico_selfmodel.dataset.folder import content_hash, load_dataset, save_dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import DataError, RobotError
-from nico_selfmodel.planning.plans import commands_of_angles, pose_plan
+from nico_selfmodel.planning.first_guess import first_guess
+from nico_selfmodel.planning.plans import angles_of_commands, commands_of_angles, pose_plan
+from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.recording import recorded_samples
 from nico_selfmodel.recording.session import record
 from nico_selfmodel.systems.measurements import CameraMeasurement, Measurement
@@ -201,3 +203,18 @@ def test_angles_become_shares_of_the_range_between_the_stops():
     assert commands.tolist() == [[0.0, 0.0], [-400.0, 300.0]]
     with pytest.raises(ValueError, match="without stops"):
         commands_of_angles([JointInfo("base", "rad")], [-1.0], [1.0], [[0.0]])
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_angles_and_commands_stand_for_each_other_as_the_first_guess_has_it(sign):
+    arm = ArmDescription.named("nico")
+    stops = np.sort(sign * np.degrees([arm.lower, arm.upper]) + 5.0, axis=0).T
+    joints = [
+        JointInfo(name, "deg", None, *ends, sign=sign if k % 2 else 1)
+        for k, (name, ends) in enumerate(zip(arm.joints, stops, strict=True))
+    ]
+    q = np.random.default_rng(0).uniform(arm.lower, arm.upper, (5, len(joints)))
+    commands = commands_of_angles(joints, arm.lower, arm.upper, q)
+    guessed = first_guess(arm, None, joints).servos.to_encoder(q)
+    assert np.abs(commands - guessed).max() < 1e-9
+    assert np.abs(angles_of_commands(joints, arm.lower, arm.upper, commands) - q).max() < 1e-12

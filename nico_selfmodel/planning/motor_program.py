@@ -11,6 +11,8 @@ _PAUSE, _GAP = 0.1, 0.25
 """Least time between two commands, and the mean of what is added to it [s]."""
 _WAY = 0.06
 """Mean length of a way, as a share of the range of that joint which goes farthest."""
+_STILL = 1e-9
+"""Range of a joint, as a share of its readings, that is nothing but rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,14 +47,18 @@ class MotorProgram:
             seconds: How long it shall last.
 
         Raises:
-            ValueError: If there are fewer than two poses.
+            ValueError: If there are fewer than two poses, or no time.
         """
         if len(poses) < 2:
             raise ValueError(f"a motor program needs two poses at least, got {len(poses)}")
+        if not 0.0 < seconds < np.inf:
+            raise ValueError(f"a motor program lasts for more than 0 s, got {seconds:g} s")
         gaps = _PAUSE + rng.exponential(_GAP, int(np.ceil(seconds / _PAUSE)))
         times = np.concatenate([[0.0], np.cumsum(gaps)])
         times = times[times < seconds]
-        span = np.maximum(np.ptp(poses, axis=0), 1.0)
+        span = np.ptp(poses, axis=0)
+        still = span <= _STILL * np.abs(poses).max(axis=0)
+        span = np.where(still, np.inf, span)
         commands = [poses[rng.integers(len(poses))]]
         for length in rng.exponential(_WAY, len(times) - 1):
             way = poses[rng.integers(len(poses))] - commands[-1]

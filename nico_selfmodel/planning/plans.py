@@ -149,11 +149,13 @@ def angles_of_commands(
 
 
 def _stops(joints: Sequence[JointInfo]) -> NDArray:
-    """Return lower and upper stops of joints [encoder units]. Shape (2, n)."""
+    """Return readings at the lower and upper limits of a description. Shape (2, n)."""
     free = [joint.name for joint in joints if joint.lower is None or joint.upper is None]
     if free:
         raise ValueError(f"joints without stops cannot be sent by angle: {', '.join(free)}")
-    return np.array([[joint.lower, joint.upper] for joint in joints], dtype=float).T
+    stops = np.array([[joint.lower, joint.upper] for joint in joints], dtype=float)
+    falling = np.array([joint.sign < 0 for joint in joints])  # as the joint turns forward
+    return np.where(falling[:, None], stops[:, ::-1], stops).T
 
 
 def pose_plan(

@@ -30,14 +30,10 @@ class PoseChoice:
 
     rows: NDArray
     """Rows of the pool, in the order of their choice. Shape (K,)."""
-    criterion: str
-    """`D` or `I`."""
     hand_sigma: float
     """Root mean square error of what is predicted over the targets, in their unit."""
     information: float
     """(det of the information)^(1/p) / K on scaled parameters: O1 squared of the literature."""
-    condition: float
-    """Smallest over largest singular value of the scaled Jacobian: O2."""
     exchanges: int
     """Poses that were exchanged after the greedy choice."""
 
@@ -109,7 +105,7 @@ def choose_poses(
         rows.append(int(np.argmax(gain)))
         H += jacobians[rows[-1]].T @ jacobians[rows[-1]]
     exchanges = _exchange(jacobians, rows, H, G, criterion)
-    return _choice(jacobians, rows, base - _RIDGE * np.eye(p), G, criterion, exchanges)
+    return _choice(jacobians, rows, base - _RIDGE * np.eye(p), G, exchanges)
 
 
 def hand_sigma(recorded: NDArray, targets: NDArray) -> float:
@@ -178,9 +174,7 @@ def _is_singular(H: NDArray) -> bool:
     return bool(values[0] < _SINGULAR * values[-1])
 
 
-def _choice(
-    J: NDArray, rows: list[int], given: NDArray, G: NDArray, criterion: str, exchanges: int
-) -> PoseChoice:
+def _choice(J: NDArray, rows: list[int], given: NDArray, G: NDArray, exchanges: int) -> PoseChoice:
     H = given + np.einsum("nki,nkj->ij", J[rows], J[rows])
     values = np.linalg.eigvalsh(H)
     if _is_singular(H):
@@ -192,9 +186,7 @@ def _choice(
     row.flags.writeable = False
     return PoseChoice(
         row,
-        criterion,
         float(np.sqrt(np.trace(G @ np.linalg.inv(H)))),
         float(np.exp(np.mean(np.log(values)))) / len(rows),
-        float(np.sqrt(values[0] / values[-1])),
         exchanges,
     )

@@ -117,6 +117,21 @@ def test_starts_and_stops_of_a_motor_program_have_no_memory():
     assert not late.due(0.0, 0.2)
     with pytest.raises(ValueError, match="two poses"):
         MotorProgram.random(poses[:1], 1.0, rng)
+    for seconds in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(ValueError, match=r"lasts for more than 0 s, got .* s$"):
+            MotorProgram.random(poses, seconds, rng)
+
+
+def test_a_motor_program_is_the_same_in_any_unit():
+    poses = np.random.default_rng(1).uniform(-20.0, 20.0, (30, 4))
+    poses[:, 2] = 20.1  # is held
+    units = (1.0, np.radians(1.0), 4096.0 / 360.0)
+    drawn = [MotorProgram.random(k * poses, 60.0, np.random.default_rng(2)) for k in units]
+    for program, k in zip(drawn, units, strict=True):
+        assert np.array_equal(program.times, drawn[0].times)
+        assert np.abs(program.commands / k - drawn[0].commands).max() < 1e-9
+    ways = np.abs(np.diff(drawn[0].commands, axis=0) / np.maximum(np.ptp(poses, axis=0), 1e-9))
+    assert ways.max(axis=1).mean() == pytest.approx(0.06, rel=0.3)
 
 
 @pytest.mark.slow

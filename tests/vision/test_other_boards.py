@@ -328,6 +328,28 @@ def test_two_tags_tell_how_a_grid_was_printed_and_one_does_not(turned):
         assert np.nanmax(np.abs(seen.corners - photo.pixels)) < 0.1
 
 
+def hint_of(stated, true, seen=lambda column: column >= 0):
+    """Return what is told of columns where tags lie exactly as on another AprilGrid, some seen."""
+    stated, true = board_of(f"aprilgrid:{stated}", 30, 22), board_of(f"aprilgrid:{true}", 30, 22)
+    ids = np.flatnonzero(seen(np.arange(true.count) % true.columns))
+    rng = np.random.default_rng(3)
+    corners = 1e4 * true.tag_corners[ids] + rng.normal(0.0, 0.05, (len(ids), 4, 2))
+    return stated._other_layout(TagsSeen(true.family, tuple(ids.tolist()), corners))
+
+
+@pytest.mark.parametrize(
+    ("stated", "true"),
+    [("6x6", "12x3"), ("9x4", "12x3"), ("4x9", "12x3"), ("7x4", "6x3"), ("17x4", "15x4")],
+)
+def test_columns_that_are_one_more_or_less_are_told_apart_by_the_ends_of_rows(stated, true):
+    assert hint_of(stated, true).endswith(f" of {true.split('x')[0]} columns")
+
+
+def test_nothing_is_told_of_columns_where_several_numbers_fit_or_the_stated_one_does():
+    assert hint_of("6x6", "12x3", lambda column: abs(column - 5.5) < 3.0) == ""
+    assert hint_of("12x4", "12x3") == ""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("tag", [40.0, 48.0])
 def test_tags_of_another_size_are_named(tag, photograph):

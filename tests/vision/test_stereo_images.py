@@ -7,10 +7,14 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.vision.boards.board_detection import BoardDetection
 from nico_selfmodel.vision.boards.board_detections import detect_boards, detect_boards_of_cameras
 from nico_selfmodel.vision.boards.board_images import (
     camera_images,
+    images_by_folder,
+    images_by_pattern,
     images_of_one,
+    pairs_by_pattern,
     stereo_pairs,
 )
 from nico_selfmodel.vision.boards.chessboard import Board
@@ -25,6 +29,19 @@ def board_image():
     rng = np.random.default_rng(0)
     H = random_view(rng, 130, (320, 240), tilt=0.3, roll=0.3)
     return render_board(5, 4, H, rng).image
+
+
+@pytest.fixture
+def two_days(tmp_path, board_image):
+    """Return cameras whose photographs lie in folders of one name; each saw no board once."""
+    images = {}
+    for day in ("day1", "day2"):
+        folder = tmp_path / day / "cam"
+        folder.mkdir(parents=True)
+        cv2.imwrite(str(folder / "01.png"), board_image)
+        cv2.imwrite(str(folder / "02.png"), np.full_like(board_image, 90))
+        images[day] = [("1", folder / "01.png"), ("2", folder / "02.png")]
+    return images
 
 
 @pytest.fixture
@@ -55,6 +72,52 @@ def test_a_camera_that_has_a_folder_of_its_own_needs_no_prefix(folder, tmp_path)
     assert [name for name, _ in images_of_one(own, "left")] == ["1", "02", "10"]
 
 
+def files_of(folder, *names):
+    """Make files that are listed as photographs."""
+    for name in names:
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(b"of no interest")
+
+
+@pytest.mark.parametrize(
+    ("names", "pattern", "view"),
+    [
+        (("d1/i2_3.png", "d1_2/i3.png"), "d*/i*.png", "1_2_3"),
+        (("e1/b.png", "e/b1.png"), "e*/b*.png", "1"),
+    ],
+)
+def test_two_photographs_that_a_pattern_takes_for_one_view_are_refused(
+    tmp_path, names, pattern, view
+):
+    files_of(tmp_path, *names)
+    same = rf"^{tmp_path}/.*: .*/{names[0]} and .*/{names[1]} are the same view, '{view}': "
+    either = same.replace(names[0], "(one)").replace(names[1], names[0]).replace("(one)", names[1])
+    for listed in (images_by_pattern, lambda left: pairs_by_pattern(left, left)):
+        with pytest.raises(DataError, match=f"{same}|{either}"):
+            listed(f"{tmp_path}/{pattern}")
+
+
+def test_two_photographs_of_one_name_in_the_folder_of_a_camera_are_refused(tmp_path):
+    files_of(tmp_path, "cam0/1.png", "cam0/2.png", "cam1/1.jpg")
+    found = images_by_folder(tmp_path)
+    assert [(camera, len(images)) for camera, images in found.items()] == [("cam0", 2), ("cam1", 1)]
+    files_of(tmp_path, "cam0/1.jpg")
+    with pytest.raises(DataError, match=r"cam0: 1\.(png and 1\.jpg|jpg and 1\.png) are the same"):
+        images_by_folder(tmp_path)
+
+
+def test_wildcards_stand_for_what_they_stand_for_in_a_shell(tmp_path):
+    files_of(tmp_path, "a1.png", "b1.png", "b2.png", "c10.png")
+
+    def names(pattern):
+        return [path.name for _, path in images_by_pattern(f"{tmp_path}/{pattern}")]
+
+    assert names("[!a]*.png") == ["b1.png", "b2.png", "c10.png"]
+    assert names("[ab]?.png") == ["a1.png", "b1.png", "b2.png"]
+    assert names("[a-b]1*") == ["a1.png", "b1.png"]
+
+
 def test_copies_of_photographs_are_left_out_by_name(folder):
     found = detect_boards(folder, BOARD, 4)
     with pytest.warns(UserWarning, match="copies of photographs are left out: 2 of 1$"):
@@ -79,6 +142,12 @@ def test_corners_that_one_camera_did_not_see_are_nan_with_the_reason(folder):
     assert told[-1] == ("looking for boards", 6, 6)
     one = detect_boards_of_cameras({"right": camera_images(folder, "right")}, BOARD, 4)
     np.testing.assert_array_equal(one.views.of_camera("right"), found.views.of_camera("right"))
+
+
+def test_photographs_in_folders_of_one_name_are_told_apart(two_days):
+    found = detect_boards_of_cameras(two_days, BOARD, 4)
+    assert sorted(found.not_seen) == ["day1/cam/02.png", "day2/cam/02.png"]
+    assert found.document["files"]["day2"] == {"1": "day2/cam/01.png", "2": "day2/cam/02.png"}
 
 
 def test_a_window_that_sees_neighbouring_corners_is_warned_of(folder):
@@ -135,6 +204,18 @@ def test_a_missing_folder_is_named(tmp_path):
         stereo_pairs(tmp_path / "nowhere")
     with pytest.raises(DataError, match=r"no images left\*.png"):
         camera_images(tmp_path, "left")
+
+
+def test_of_parts_seen_equally_often_the_largest_is_asked_about(folder, monkeypatch):
+    board, lefts = Board(12, 9, 0.03), camera_images(folder, "left")
+    parts = []
+    for columns, rows in ((9, 6), (10, 7), (8, 6)):
+        corners = np.full((9, 12, 2), np.nan)
+        corners[:rows, :columns] = 1.0
+        parts.append(BoardDetection(board, corners.reshape(-1, 2), "", None, loose=True))
+    monkeypatch.setattr(Board, "find", lambda *_: parts.pop())
+    with pytest.raises(DataError, match="is it a 10x7 board"):
+        detect_boards_of_cameras({"left": lefts}, board, 4)
 
 
 @pytest.mark.slow

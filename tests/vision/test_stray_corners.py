@@ -78,38 +78,59 @@ def test_a_window_that_reaches_the_neighbours_is_forgiven_what_it_must_do():
     assert stray_corners(grid, SIZE, 11)[2, 3]
 
 
-@pytest.mark.slow
-def test_a_search_that_comes_back_to_where_it_began_is_no_corner(monkeypatch):
+def seen_board(size, span):
+    """Return a picture of the board. The square in `random_view` is `span` pixels wide."""
     rng = np.random.default_rng(5)
-    H = random_view(rng, 330, (640, 480), tilt=0.4, center=(320, 240))
-    image = render_board(9, 6, H, rng, image_size=(640, 480)).image
-    whole = find_chessboard(image, BOARD, 5)
-    assert isinstance(whole, BoardDetection)
-    real = cv2.cornerSubPix
+    H = random_view(rng, span, size, tilt=0.4, center=(size[0] / 2, size[1] / 2))
+    return render_board(9, 6, H, rng, image_size=size)
 
-    def one_fails(gray, corners, *others):
+
+@pytest.mark.parametrize(
+    ("size", "span"),
+    [((640, 480), 330), pytest.param((2200, 1650), 1100, marks=pytest.mark.slow)],
+)
+def test_a_search_that_comes_back_to_where_it_began_is_no_corner(monkeypatch, size, span):
+    """In a faint picture no corner is plain; a large one is searched in a copy first."""
+    picture = seen_board(size, span)
+    image = np.rint(120 + 0.04 * picture.image).astype(np.uint8)
+    real = cv2.cornerSubPix
+    asked = []
+
+    def one_fails(gray, corners, window, *others):
         rough = corners.reshape(-1, 2)[17].copy()
-        refined = real(gray, corners, *others)
-        refined.reshape(-1, 2)[17] = rough
+        refined = real(gray, corners, window, *others)
+        asked.append(window)
+        if window == (5, 5):
+            refined.reshape(-1, 2)[17] = rough
         return refined
 
     monkeypatch.setattr(chessboard_module.cv2, "cornerSubPix", one_fails)
-    monkeypatch.setattr(cv2, "findChessboardCornersSB", lambda *_, **__: (False, None))
-    mended = find_chessboard(image, BOARD, 5)
-    assert mended.method == whole.method
-    assert np.abs(mended.corners - whole.corners).max() < 1e-3
-    symmetric = chessboard_module.located
+    found = find_chessboard(image, BOARD, 5)
+    assert (asked[-1], len(asked)) == ((5, 5), 1 if size == SIZE else 2)
+    assert (found.window, np.flatnonzero(~found.seen).tolist()) == (5, [17])
+    off = np.linalg.norm(found.corners - picture.points, axis=1)
+    assert np.nanmax(off) < 1.0
 
-    def not_plain(*given):
-        found = symmetric(*given)
-        found[17] = np.nan
+
+def test_a_corner_that_is_plain_nowhere_is_not_seen_and_costs_no_board(monkeypatch):
+    image = seen_board(SIZE, 330).image
+    whole = find_chessboard(image, BOARD, 5)
+    real = chessboard_module.located
+    asked = []
+
+    def not_plain(gray, corners, radius):
+        found = real(gray, corners, radius)
+        near = np.linalg.norm(corners - whole.corners[17], axis=1) < 3.0
+        asked.append((len(corners), int(near.sum())))
+        found[near] = np.nan
         return found
 
     monkeypatch.setattr(chessboard_module, "located", not_plain)
-    seen = find_chessboard(image, BOARD, 5)
-    assert seen.method == "corners that follow each other"
-    assert (seen.seen.sum(), seen.loose) == (54, False)
-    assert np.linalg.norm(seen.corners - whole.corners, axis=1).max() < 0.3
+    found = find_chessboard(image, BOARD, 5)
+    assert asked == [(54, 1), (1, 1)]
+    assert (found.method, found.window, found.loose) == (whole.method, None, False)
+    assert np.flatnonzero(~found.seen).tolist() == [17]
+    assert np.nanmax(np.abs(found.corners - whole.corners)) < 0.01
 
 
 @pytest.mark.parametrize("seed", slow_rest(range(40), plain=4))

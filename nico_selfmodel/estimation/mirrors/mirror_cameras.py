@@ -1,7 +1,7 @@
 """The thesis' own way to a mirror: each camera's reflected camera by itself, six parameters each.
 
 Eq. 9.6-9.13 in their right form: the mean difference as the start of the plane, both cameras
-reflected in it (without the printed half turn, see `model.mirror.mirror_camera`), then each one
+reflected in it (without the printed half turn, see `model.cameras.mirror`), then each one
 refined alone on its pixels. Beside one plane for both cameras it needs more poses, and the two
 cameras lose their common baseline, as the thesis says itself.
 """

@@ -217,10 +217,13 @@ def _views_of(files: Mapping[str, Mapping[str, Path]]) -> tuple[str, ...]:
 
 
 def _labels(files: Iterable[Path]) -> dict[Path, str]:
-    """Return what photographs are called: their names, with the folder where names repeat."""
-    files = list(files)
-    repeat = len({path.name for path in files}) < len(files)
-    return {path: f"{path.parent.name}/{path.name}" if repeat else path.name for path in files}
+    """Return what photographs are called: their names, with as many folders as tell them apart."""
+    every = set(files)
+    for length in range(1, max((len(path.parts) for path in every), default=0)):
+        labels = {path: "/".join(path.parts[-length:]) for path in every}
+        if len(set(labels.values())) == len(every):
+            return labels
+    return {path: path.as_posix() for path in every}
 
 
 def _find(
@@ -275,13 +278,12 @@ def _not_seen(files: Sequence[Path], found: Sequence[BoardDetection | NotSeen]) 
 
 def _never_whole(files: Sequence[Path], parts: Sequence[BoardDetection]) -> str:
     """Say how large the parts are of a board that no image shows whole."""
-    sizes = Counter(
-        "x".join(str(side) for side in sorted(_extent(part), reverse=True)) for part in parts
-    )
-    largest = max(sizes, key=lambda size: (sizes[size], size))
+    sizes = Counter(tuple(sorted(_extent(part), reverse=True)) for part in parts)
+    columns, rows = max(sizes, key=lambda size: (sizes[size], size))
+    seen = {f"{long}x{short}": count for (long, short), count in sizes.most_common()}
     return (
         f"{files[0].parent}: none of {len(files)} images shows all of a {parts[0].board} board; "
-        f"{listed(dict(sizes.most_common()), most=4)} corners are seen of it: is it a {largest} "
+        f"{listed(seen, most=4)} corners are seen of it: is it a {columns}x{rows} "
         "board (the size counts inner corners: 10x7 squares have 9x6)?"
     )
 

@@ -1,7 +1,7 @@
 """Photographs of boards: which file is which view of which camera."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from glob import has_magic
 from pathlib import Path
 
@@ -23,22 +23,14 @@ def camera_images(folder: str | Path, prefix: str) -> list[tuple[str, Path]]:
     Raises:
         DataError: If the folder is missing, holds no such image or two for one view.
     """
-    found: dict[str, Path] = {}
-    for path in image_files(folder):
-        if not path.stem.lower().startswith(prefix.lower()):
-            continue
-        name = path.stem[len(prefix) :].strip("_-. ") or prefix.lower()
-        if name in found:
-            raise DataError(
-                f"{folder}: {found[name].name} and {path.name} are the same view: remove one"
-            )
-        found[name] = path
-    if not found:
+    paths = [p for p in image_files(folder) if p.stem.lower().startswith(prefix.lower())]
+    names = [path.stem[len(prefix) :].strip("_-. ") or prefix.lower() for path in paths]
+    if not paths:
         raise DataError(
             f"{folder}: no images {prefix}*.png or {prefix}*.jpg; {_holds(folder)}; other names "
             f"are given as a pattern: '{folder}/*.png'"
         )
-    return list(found.items())
+    return _one_of_each(folder, zip(names, paths, strict=True))
 
 
 def images_of_one(folder: str | Path, camera: str) -> list[tuple[str, Path]]:
@@ -110,20 +102,21 @@ def images_by_pattern(pattern: str) -> list[tuple[str, Path]]:
         Name of the view, what the wildcards stand for, and path; view 2 before view 10.
 
     Raises:
-        DataError: If it names no file, or nothing but one file by its name.
+        DataError: If it names no file, or nothing but one file by its name, or two photographs for
+            which the wildcards stand for the same.
     """
     if not has_magic(pattern):
         raise DataError(f"{pattern}: a pattern of photographs has a * in it, as 'cam0/*.png'")
     inside = re.compile(_expression(str(Path(pattern))))
-    found = {}
+    found = []
     start = Path(Path(pattern).anchor)
     for path in start.glob(str(Path(pattern).relative_to(start))):
         match = inside.fullmatch(str(path))
         if match is not None and path.is_file():
-            found["_".join(part for part in match.groups() if part)] = path
+            found.append(("_".join(part for part in match.groups() if part), path))
     if not found:
         raise DataError(f"{pattern}: no photograph has such a name; is the pattern quoted?")
-    return sorted(found.items(), key=lambda item: natural_key(item[1]))
+    return _one_of_each(pattern, sorted(found, key=lambda item: natural_key(item[1])))
 
 
 def pairs_by_pattern(left: str, right: str) -> list[tuple[str, Path, Path]]:
@@ -133,7 +126,8 @@ def pairs_by_pattern(left: str, right: str) -> list[tuple[str, Path, Path]]:
         Name of the view, left path, right path.
 
     Raises:
-        DataError: If a pattern names no file, or a photograph has no partner; names them.
+        DataError: If a pattern names no file, or two for one view, or a photograph has no partner;
+            names them.
     """
     one, two = dict(images_by_pattern(left)), dict(images_by_pattern(right))
     alone = [str(path) for name, path in one.items() if name not in two]
@@ -155,12 +149,15 @@ def images_by_folder(folder: str | Path) -> dict[str, list[tuple[str, Path]]]:
         Camera -> name of the view and path.
 
     Raises:
-        DataError: If the folder is missing, or holds no folder with photographs.
+        DataError: If the folder is missing, or holds no folder with photographs, or one with two
+            of one name.
     """
     if not Path(folder).is_dir():
         raise DataError(f"{folder}: no such folder")
     inside = sorted(filter(Path.is_dir, Path(folder).iterdir()), key=natural_key)
-    found = {path.name: [(p.stem, p) for p in image_files(path)] for path in inside}
+    found = {
+        path.name: _one_of_each(path, [(p.stem, p) for p in image_files(path)]) for path in inside
+    }
     cameras = {camera: images for camera, images in found.items() if images}
     if not cameras:
         raise DataError(
@@ -179,7 +176,7 @@ def images_by_name(words: Sequence[str]) -> dict[str, list[tuple[str, Path]]]:
         Camera -> name of the view and path.
 
     Raises:
-        DataError: If a pattern names no photograph.
+        DataError: If a pattern names no photograph, or two for one view.
         ValueError: If a word is something else, or two name one camera.
     """
     found: dict[str, list[tuple[str, Path]]] = {}
@@ -200,10 +197,32 @@ def _expression(pattern: str) -> str:
     found = (
         re.escape(part)
         if k % 2 == 0
-        else words.get(part, f"({part})" if part[0] == "[" else "([^/]*)")
+        else words.get(part, f"({part.replace('[!', '[^')})" if part[0] == "[" else "([^/]*)")
         for k, part in enumerate(parts)
     )
     return "".join(found)
+
+
+def _one_of_each(where: str | Path, images: Iterable[tuple[str, Path]]) -> list[tuple[str, Path]]:
+    """Return name of the view and path of photographs, no two of which may be one view.
+
+    Args:
+        where: Folder or pattern, for the message.
+
+    Raises:
+        DataError: If two are; names them.
+    """
+    found: dict[str, Path] = {}
+    for name, path in images:
+        if name in found:
+            one, two = found[name], path
+            same = one.parent == two.parent
+            raise DataError(
+                f"{where}: {one.name if same else one} and {two.name if same else two} are the same"
+                f" view, {name!r}: each view needs a name of its own; remove or rename one"
+            )
+        found[name] = path
+    return list(found.items())
 
 
 def _holds(folder: str | Path) -> str:

@@ -124,13 +124,14 @@ class Board:
 def find_chessboard(image: NDArray, board: Board, window: int = WINDOW) -> BoardDetection | NotSeen:
     """Find the inner corners of a chessboard.
 
-    OpenCV's `findChessboardCorners` (adaptive threshold, normalised image) comes first, or, where
-    it fails, `findChessboardCornersSB`. Corners are moved to where the picture is symmetric about
-    each (`crossings`); where one is not plain to see, by `cornerSubPix`, which is off by up to
-    0.04 px, or left where the second detector has it, which is off by 0.3 px. A smaller board
-    inside a larger one is
-    refused, as are corners that form no board, and squares with something in them. Where not all of
-    a board is plain to see, as much of it is found as is.
+    OpenCV's `findChessboardCorners` (normalised image; one threshold for all of it, then an
+    adaptive one) comes first, or, where it fails, `findChessboardCornersSB`. Corners are moved to
+    where the picture is symmetric about each (`crossings`). Up to a quarter of them that are not
+    plain to see count as not seen; of more, those are moved by `cornerSubPix`, which is off by up
+    to 0.04 px where corners are sharp, or left where the second detector has them, which is off by
+    up to 0.7 px. A smaller board inside a larger one is refused, as are corners that form no board,
+    and squares with something in them. Where not all of a board is plain to see, as much of it is
+    found as is.
 
     A part may lie in several places on the board: shifted by whole squares, turned by quarters. It
     is listed in one of them, and `loose`, unless it has as many columns and rows as the board.
@@ -143,7 +144,8 @@ def find_chessboard(image: NDArray, board: Board, window: int = WINDOW) -> Board
         The detection, or what was tried.
 
     Raises:
-        ValueError: If the image has another shape or type, or the window is smaller than 1.
+        ValueError: If the image has another shape or type, or the window is smaller than 1, or
+            larger than the picture where `cornerSubPix` is asked.
     """
     if window < 1:
         raise ValueError(f"window must be at least 1 px, got {window}")
@@ -153,9 +155,9 @@ def find_chessboard(image: NDArray, board: Board, window: int = WINDOW) -> Board
         if rough is None:
             reasons.append(f"{method} found no {board} board")
             continue
-        corners, plain, used = _refined(gray, rough, board, method, scale, window)
+        corners, plain, start, used = _refined(gray, rough, board, method, scale, window)
         found = FoundSquares(corners.astype(float).reshape(board.rows, board.columns, 2), gray)
-        lost, problem = _judged(found, board, plain, rough, used)
+        lost, problem = _judged(found, board, plain, start, used)
         if problem:
             reasons.append(f"{method} found {problem}")
             continue
@@ -170,12 +172,13 @@ def find_chessboard(image: NDArray, board: Board, window: int = WINDOW) -> Board
 
 def _refined(
     gray: NDArray, rough: NDArray, board: Board, method: str, scale: float, window: int
-) -> tuple[NDArray, NDArray, int | None]:
+) -> tuple[NDArray, NDArray, NDArray, int | None]:
     """Return corners to a fraction of a pixel.
 
     Returns:
         Them, shape (P, 2), and which are: where most are plain to see the others are left where
-        they were. The window of `cornerSubPix`, if it was asked.
+        they were. Where the last search began, shape (P, 2), and the window of `cornerSubPix`, if
+        it was asked.
     """
     corners = rough.reshape(-1, 1, 2).copy()
     if scale > 1.0:
@@ -185,19 +188,20 @@ def _refined(
         corners = cv2.cornerSubPix(gray, corners, (wide, wide), (-1, -1), _SUBPIXEL_END)
     exact = _exact(gray, corners.reshape(board.rows, board.columns, 2).astype(float), window)
     plain = np.asarray(np.isfinite(exact).all(axis=1))
-    left = np.where(plain[:, None], exact, corners.reshape(-1, 2))
+    start = corners.reshape(-1, 2).copy()  # `cornerSubPix` moves what it is given
+    left = np.where(plain[:, None], exact, start)
     if plain.mean() >= 1.0 - _FEW_LOST:
-        return left, plain, None
+        return left, plain, start, None
     every = np.ones(len(plain), dtype=bool)
     if method == SECTOR and scale == 1.0:
-        return left, every, None
+        return left, every, start, None
     if 2 * window + 5 > min(gray.shape):
         raise ValueError(
             f"a window of {window} px on each side of a corner does not fit into a picture of "
             f"{gray.shape[1]}x{gray.shape[0]}: make it smaller (--window)"
         )
     moved = cv2.cornerSubPix(gray, corners, (window, window), (-1, -1), _SUBPIXEL_END)
-    return np.where(plain[:, None], exact, moved.reshape(-1, 2)), every, window
+    return np.where(plain[:, None], exact, moved.reshape(-1, 2)), every, start, window
 
 
 def _exact(gray: NDArray, grid: NDArray, window: int) -> NDArray:
@@ -225,13 +229,13 @@ def _exact(gray: NDArray, grid: NDArray, window: int) -> NDArray:
 
 
 def _judged(
-    found: FoundSquares, board: Board, plain: NDArray, rough: NDArray, window: int | None
+    found: FoundSquares, board: Board, plain: NDArray, start: NDArray, window: int | None
 ) -> tuple[NDArray, str | None]:
     """Return which corners were not located, and what speaks against a board that was found.
 
     Args:
         plain: Which corners count. Shape (P,).
-        rough: Where the detector had them. Shape (P, 2).
+        start: Where the last search for them began. Shape (P, 2).
         window: Of `cornerSubPix`, if it was asked.
 
     Returns:
@@ -253,7 +257,7 @@ def _judged(
     except ValueError:  # corners on one line have no homography
         return lost, f"no {board} board but scattered corners"
     if window is not None:  # a search that left its window comes back to where it began
-        lost |= (corners == rough).all(axis=1)
+        lost |= (corners == start).all(axis=1)
     if lost.mean() <= _FEW_LOST:
         return lost, None
     u, v = corners[int(np.argmax(lost))]

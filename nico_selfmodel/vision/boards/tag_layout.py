@@ -1,8 +1,9 @@
 """Whether tags lie on a board as it was stated: which size of tags, which number of columns.
 
-The homography of the tags' centres misses where columns are others than stated. Of two neighbouring
-tags of width t, p apart, four corners A, B, C, D lie on one line, and AC BD / (BC AD), which no
-perspective changes and no lens by much over so short a way, is p^2 / (p^2 - t^2).
+The homography of the tags' centres misses where columns are others than stated. One column more or
+less is a shear, which it follows; then the tags at the ends of rows are out of place. Of two
+neighbouring tags of width t, p apart, four corners A, B, C, D lie on one line, and AC BD / (BC AD),
+which no perspective changes and no lens by much over so short a way, is p^2 / (p^2 - t^2).
 """
 
 from collections.abc import Callable, Sequence
@@ -22,7 +23,7 @@ _FEWEST = 6
 _MISS = 0.15
 """Median miss of a tag's centre, in tags, above which a layout is none. A lens bends by less."""
 _BEYOND = 0.5
-"""The same of tags beyond those that told the homography: half a tag from where none else is."""
+"""The same above which one tag is out of place: half a tag from where none is."""
 _OFF = 0.06
 """Share by which tags are of another size than stated."""
 
@@ -68,16 +69,23 @@ def _pitch(corners: NDArray) -> float:
 
 
 def layout_of(boards: Sequence[T], corners: Callable[[T], NDArray], tags: TagsSeen) -> T | None:
-    """Return the first of some boards on which tags lie as they were seen.
+    """Return that of some boards on which most tags lie as they were seen.
 
     Args:
         corners: Returns the corners of all tags on one [m]. Shape (T, 4, 2).
+
+    Returns:
+        None where they lie so on none, or on several equally.
     """
-    for board in boards:
-        placed = corners(board)
-        if max(tags.ids) < len(placed) and _centres_homography(placed, tags) is not None:
-            return board
-    return None
+    in_place = [_in_place(corners(board), tags) for board in boards]
+    most = max(in_place, default=0)
+    return boards[in_place.index(most)] if most and in_place.count(most) == 1 else None
+
+
+def _in_place(corners: NDArray, tags: TagsSeen) -> int:
+    """Return how many tags lie as on a board; 0 where there is no homography of most of them."""
+    H = _centres_homography(corners, tags) if max(tags.ids) < len(corners) else None
+    return 0 if H is None else int(np.count_nonzero(_missed(H, corners, tags) < _BEYOND))
 
 
 def lie_on(corners: NDArray, tags: TagsSeen, some: Sequence[int]) -> bool:

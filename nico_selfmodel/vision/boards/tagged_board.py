@@ -148,14 +148,14 @@ class TaggedBoard(ABC):
 
     def _other_layout(self, tags: TagsSeen) -> str:
         """Say as on a board of how many columns tags lie, if of another number."""
-        if layout_of([self], _tag_corners, tags) is not None:
-            return ""
         # Tags tell nothing of rows that are not seen: as many as the family has tags for.
-        columns = sorted(range(2, _LARGEST), key=lambda number: abs(number - self.columns))
+        columns = [number for number in range(2, _LARGEST) if number != self.columns]
         most = FiducialFamily(self.family).count
-        others = [replace(self, columns=n, rows=max(most // (n + 1) - 1, 2)) for n in columns[1:]]
-        other = layout_of(others, _tag_corners, tags)
-        return "" if other is None else f"; the tags lie as on a board of {other.columns} columns"
+        others = [replace(self, columns=n, rows=max(most // (n + 1) - 1, 2)) for n in columns]
+        found = layout_of([self, *others], _tag_corners, tags)
+        if found is None or found is self:
+            return ""
+        return f"; the tags lie as on a board of {found.columns} columns"
 
     def _located(self, gray: NDArray, rough: NDArray, window: int) -> NDArray:
         """Return exact corners. Shape (P, 2)."""
