@@ -1,6 +1,7 @@
 """`nico-selfmodel choose-poses`: which poses to record next."""
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -98,9 +99,13 @@ def _of_an_arm(
 def _of_a_body(
     model: Path, dataset: Path, *how: Any, **wanted: Any
 ) -> "tuple[tuple[str, ...], NextPoses]":
+    """Return which joints are moved, and where to: those that follow others go by themselves."""
     from nico_selfmodel.dataset.body.body_folder import load_body_dataset
     from nico_selfmodel.model.tree.body_model import load_body
     from nico_selfmodel.planning.next_body_poses import choose_next_body_poses
 
     learned, data = load_body(model), load_body_dataset(dataset)
-    return learned.tree.joints, choose_next_body_poses(learned, data, *how, **wanted)
+    chosen = choose_next_body_poses(learned, data, *how, **wanted)
+    read = [i for i, joint in enumerate(data.joints) if joint.is_read]
+    names = tuple(data.joint_names[i] for i in read)
+    return names, replace(chosen, readings=chosen.readings[:, read])

@@ -14,7 +14,7 @@ from nico_selfmodel.estimation.judging import judge, result_of
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree.body_prediction import predict_body
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
-from nico_selfmodel.estimation.tree.guesses.hand_eye import only_axis
+from nico_selfmodel.estimation.tree.guesses.hand_eye import HandEye, only_axis
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
@@ -363,10 +363,34 @@ def test_what_a_flange_that_turns_on_the_spot_about_one_axis_leaves_open_is_told
     assert any("turned about it" in reason for reason in reasons)
 
 
-@pytest.mark.parametrize("poses", [1, 5])
-def test_a_flange_that_hardly_turned_is_refused(poses):
-    _, _, F, M = hand_eye_poses(np.random.default_rng(0), poses, turns=np.array([0.0, 0.0, 0.01]))
+@pytest.mark.parametrize("seed", range(8))
+def test_the_shifts_of_a_flange_tell_how_a_target_is_turned_about_the_one_axis_of_its_turns(seed):
+    X, _, F, M = hand_eye_poses(np.random.default_rng(seed), 20, turns=np.array([0.0, 0.6, 0.8]))
+    found = HandEye.from_poses(F, M)
+    off = rotation_vectors_of(found.X[:3, :3].T @ X[:3, :3])
+    assert np.degrees(np.linalg.norm(off)) < 0.2
+    assert found.misfit(F, M) < 0.02
+
+
+@pytest.mark.parametrize("seed", [1, 12])
+def test_turns_about_one_axis_are_not_taken_for_turns_that_were_written_otherwise(seed):
+    F, M = hand_eye_poses(np.random.default_rng(seed), 30, turns=np.array([0.0, 0.6, 0.8]))[2:]
+    reasons = judge(calibrate_tree(flange_dataset(F, M))).reasons
+    assert reasons[0].startswith("all turns of 'tcp' are about one axis, (0.00, 0.60, 0.80) in its")
+
+
+def test_a_flange_that_hardly_turned_is_refused():
+    _, _, F, M = hand_eye_poses(np.random.default_rng(0), 5, turns=np.array([0.0, 0.0, 0.01]))
     with pytest.raises(DataError, match="the flange hardly turned"):
+        calibrate_tree(flange_dataset(F, M))
+
+
+@pytest.mark.parametrize("poses", [1, 2])
+def test_too_few_poses_of_a_flange_are_counted(poses):
+    _, _, F, M = hand_eye_poses(np.random.default_rng(0), poses)
+    with pytest.raises(
+        DataError, match=rf"too few poses of the flange \({poses} beside those held"
+    ):
         calibrate_tree(flange_dataset(F, M))
 
 

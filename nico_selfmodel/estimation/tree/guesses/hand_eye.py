@@ -10,13 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.geometry.rotation import nearest_rotation, rotation_vectors_of
+from nico_selfmodel.geometry.rotation import (
+    nearest_rotation,
+    rotation_from_vector,
+    rotation_vectors_of,
+)
 from nico_selfmodel.geometry.transform import inverse, transform
 
 _LEAST_TURN = np.radians(5.0)
 """Turns below this tell little of an axis."""
 _LEAST_SPREAD = 0.01
 """Places of a flange that is turned on the spot are off by parts of this [m]."""
+_FEWEST = 3
+"""Poses that a hand-eye calibration needs."""
 _MOST_PAIRS = 4000
 _ONE_AXIS = 0.05
 """Part of the turns about one axis that those about others must reach to be a second one."""
@@ -35,7 +41,8 @@ class HandEye:
     def from_poses(cls, F: NDArray, M: NDArray) -> "HandEye":
         """Find both from poses that belong together.
 
-        R_X = (N'N)^-1/2 N' of N = sum log(B) log(A)', and (R_A - I) t_X = R_X t_B - t_A.
+        R_X = (N'N)^-1/2 N' of N = sum log(B) log(A)', and (R_A - I) t_X = R_X t_B - t_A. Where all
+        turns share one axis, they leave R_X open about it, which the shifts then tell.
 
         Args:
             F: Poses of the flange. Shape (K, 4, 4).
@@ -44,6 +51,11 @@ class HandEye:
         Raises:
             DataError: If fewer than three poses turn by 5 deg against each other.
         """
+        if len(F) < _FEWEST:
+            raise DataError(
+                f"too few poses of the flange ({len(F)} beside those held out): a hand-eye "
+                f"calibration needs {_FEWEST} or more, turned about two axes or more"
+            )
         i, j = _pairs(len(F))
         A, B = inverse(F[i]) @ F[j], inverse(M[i]) @ M[j]
         a, b = rotation_vectors_of(A[:, :3, :3]), rotation_vectors_of(B[:, :3, :3])
@@ -56,9 +68,18 @@ class HandEye:
         A, B, a, b = A[enough], B[enough], a[enough], b[enough]
         a, b, A, B = _consistent(a, b, A, B)
         R = nearest_rotation(a.T @ b)
-        # Where all turns share one axis, X is open along it: the least of what fits.
+        found, axis = cls._turned(R, A, B, F, M), _one_axis(a)
+        if axis is None:
+            return found
+        told = cls._turned(_about_axis(R, axis, A, B), A, B, F, M)
+        return min(found, told, key=lambda one: one.misfit(F, M))
+
+    @classmethod
+    def _turned(cls, R: NDArray, A: NDArray, B: NDArray, F: NDArray, M: NDArray) -> "HandEye":
+        """Return what stands where once it is known how X is turned."""
         left = (A[:, :3, :3] - np.eye(3)).reshape(-1, 3)
         right = (B[:, :3, 3] @ R.T - A[:, :3, 3]).ravel()
+        # Where all turns share one axis, X is open along it: the least of what fits.
         t = np.linalg.lstsq(left, right, rcond=1e-3)[0]
         X = transform(R, t)
         each = F @ X @ inverse(M)
@@ -91,12 +112,32 @@ def only_axis(F: NDArray) -> NDArray | None:
         Unit, in the base, its largest part positive. Shape (3,).
     """
     i, j = _pairs(len(F))
-    turns = rotation_vectors_of(F[j, :3, :3] @ np.swapaxes(F[i, :3, :3], 1, 2))
+    axis = _one_axis(rotation_vectors_of(F[j, :3, :3] @ np.swapaxes(F[i, :3, :3], 1, 2)))
+    return None if axis is None else axis * np.sign(axis[np.argmax(np.abs(axis))])
+
+
+def _one_axis(turns: NDArray) -> NDArray | None:
+    """Return the axis that rotation vectors share, of either sign; None where they have two."""
     _, sizes, axes = np.linalg.svd(turns, full_matrices=False)
     if not sizes[0] > 0.0 or sizes[1] > _ONE_AXIS * sizes[0]:
         return None
-    axis = axes[0]
-    return np.asarray(axis * np.sign(axis[np.argmax(np.abs(axis))]))
+    return np.asarray(axes[0])
+
+
+def _about_axis(R: NDArray, axis: NDArray, A: NDArray, B: NDArray) -> NDArray:
+    """Return R turned about the axis of all turns as shifts tell: A X = X B.
+
+    With e the axis, v = R t_B and w = v - e (e.v), R_X t_B = e (e.v) + w cos + (e x v) sin, and
+    (R_A - I) t_X - w cos - (e x v) sin = e (e.v) - t_A is linear in t_X, cos and sin.
+    """
+    v = B[:, :3, 3] @ R.T
+    along = np.outer(v @ axis, axis)
+    left = np.concatenate(
+        [A[:, :3, :3] - np.eye(3), -np.stack([v - along, np.cross(axis, v)], axis=2)], axis=2
+    )
+    right = (along - A[:, :3, 3]).ravel()
+    *_, cos, sin = np.linalg.lstsq(left.reshape(-1, 5), right, rcond=1e-3)[0]
+    return np.asarray(rotation_from_vector(np.arctan2(sin, cos) * axis) @ R)
 
 
 def _pairs(count: int) -> tuple[NDArray, NDArray]:
