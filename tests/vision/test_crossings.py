@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.vision.boards.crossings import Crossings, straightened
-from nico_selfmodel.vision.boards.exact_corners import located
+from nico_selfmodel.vision.boards.exact_corners import located, straight
 
 from ..slow_rest import slow_rest
 
@@ -68,6 +68,19 @@ def test_curved_edges_move_it_by_what_is_taken_off_again(radius):
     middle = int(np.flatnonzero((points == 0.0).all(axis=1))[0])
     mended = straightened(points, corners + moved, np.full(len(points), radius))
     assert np.linalg.norm(mended[middle] - corners[middle]) < 0.3 * np.linalg.norm(moved)
+
+
+def test_what_curved_edges_move_a_corner_by_is_what_its_window_shows_at_the_picture_s_edge():
+    """5 px from the edge a window of 11 px is one of 4."""
+    x, row = (one.ravel() for one in np.meshgrid(np.arange(-3.0, 4.0), [0.0, 1.0, 2.0]))
+    points = np.stack([x, row], axis=1)
+    corners = np.stack([100.0 + 20.0 * x, 5.0 + 20.0 * row + 0.5 * 8e-4 * (20.0 * x) ** 2], axis=1)
+    found = straight(points, np.zeros((100, 200), np.uint8), corners, np.full(len(points), 11.0))
+    top = int(np.flatnonzero((points == 0.0).all(axis=1))[0])
+    for at, radius in ((top, 4.0), (top + 7, 11.0)):
+        wanted = straightened(points, corners, np.full(len(points), radius))
+        np.testing.assert_allclose(found[at], wanted[at], atol=1e-9)
+    assert found[top, 1] - corners[top, 1] != pytest.approx(found[top + 7, 1] - corners[top + 7, 1])
 
 
 def test_straight_edges_and_lone_corners_stay():

@@ -29,7 +29,7 @@ class Card:
     """
 
     X_FC: NDArray
-    """Its pose in the link's frame F, in its middle, z along its normal. Shape (4, 4)."""
+    """Its pose in the link's frame F, in its middle, z into what carries it. Shape (4, 4)."""
     half: float
     """Half of its side [m]."""
 
@@ -42,7 +42,8 @@ class Card:
         """Return the card of the usual family's marker, a white zone about it.
 
         Args:
-            p_FQ: The marker's corners in turn, as they were learned [m]. Shape (4, 3).
+            p_FQ: The marker's corners in turn, clockwise to who looks at it, as they were learned
+                [m]. Shape (4, 3).
         """
         middle = p_FQ.mean(axis=0)
         right = p_FQ[1] + p_FQ[2] - p_FQ[0] - p_FQ[3]
@@ -62,9 +63,9 @@ class Card:
 
     @property
     def block(self) -> NDArray:
-        """Corners of what is on the card, or next to it [m]. Shape (8, 3)."""
+        """Corners of what is on the card, below it, or next to it [m]. Shape (8, 3)."""
         side = self.half + _BESIDE
-        corners = np.array(list(product((-side, side), (-side, side), (-_BELOW, _BESIDE))))
+        corners = np.array(list(product((-side, side), (-side, side), (-_BESIDE, _BELOW))))
         return apply(self.X_FC, corners)
 
 

@@ -290,7 +290,8 @@ class MirrorLooks:
                 )
                 for found, which in zip(places, (above, judged, alarms), strict=True):
                     found[k] += np.bincount(labels[which], minlength=shape[1])
-                strange[k, look.side][above] = labels[above]
+                standing = above & ~np.isin(labels, [*self._image.moving])
+                strange[k, look.side][standing] = labels[standing]
         links = {name: k for k, name in self._image.links.items() if counts[0, k]}
         share = places[0] / np.maximum(places[1], 1.0)
         moving = frozenset(self._image.links[number] for number in self._image.moving)

@@ -87,12 +87,13 @@ def straight(points: NDArray, gray: NDArray, found: NDArray, radius: NDArray) ->
     Returns:
         [px]. Shape (P, 2), nan where a corner is not plain to see.
     """
+    radius = np.fmin(radius, _to_edge(found, gray) - _EDGE)  # as `located` has looked
     straightened_once = straightened(points, found, radius)
     moved = np.nan_to_num(np.linalg.norm(found - straightened_once, axis=1))
     again = np.flatnonzero(moved > _STRAIGHT)
     if not len(again):
         return straightened_once
-    found, radius = found.copy(), radius.copy()
+    found = found.copy()
     # By the square of the window's radius.
     radius[again] = np.maximum(radius[again] * np.sqrt(_STRAIGHT / moved[again]), _NARROWEST)
     found[again] = located(gray, found[again], radius[again])
