@@ -207,7 +207,7 @@ def test_a_shape_that_fails_does_not_stop_the_stages_after_it(monkeypatch, sigma
     for name, result in steps.items():
         monkeypatch.setattr(stages, name, lambda *_, result=result: result)
     monkeypatch.setattr(stages, "free_memory", lambda: None)  # nothing large was taken here
-    found = stages.run_stages(imperfections_named("thesis"), [0], 7, 3, 8)
+    found = stages.run_stages(imperfections_named("thesis"), [0], 7, 3, 9)
     assert structure_document(found.structure)["status"] == ("PASS" if sigma > 9e-4 else "FAIL")
     assert (found.structure, found.unmarked, found.touches) == (shape, "unmarked", "touches")
 
