@@ -16,6 +16,7 @@ from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, WORLD, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import listed
 from nico_selfmodel.plant.described_links import axis_of
+from nico_selfmodel.plant.described_structure import check_structure
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 
 
@@ -31,7 +32,7 @@ def described_body(urdf: Path, joints: Sequence[LinkJoint], blank: BodyTree) -> 
         blank: The body to fill in.
 
     Raises:
-        ModelError: If a joint is not described, or moves otherwise.
+        ModelError: If a joint is not described, moves otherwise, or hangs on or follows another.
     """
     described = KinematicTree.from_urdf(urdf)
     if len(described.roots) != 1:
@@ -50,6 +51,7 @@ def described_body(urdf: Path, joints: Sequence[LinkJoint], blank: BodyTree) -> 
             continue
         X_WL[i] = _axis_frame(described, root, described.joint(joint.name), joint.motion)
         X_PJ[i] = inverse(X_WL[int(blank.parent[i])]) @ X_WL[i]
+    check_structure(described, joints)
 
     def placed(name: str, on: int, X_old: NDArray) -> NDArray:
         if on not in X_WL or not described.plant.HasFrameNamed(name, described.instance):
