@@ -19,6 +19,7 @@ from nico_selfmodel.model.tree.body_tree import REVOLUTE, WORLD, WORLD_NAME, Att
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import listed
 from nico_selfmodel.plant.described_body import described_body
+from nico_selfmodel.plant.described_structure import carrier
 from nico_selfmodel.plant.frames import JointFrames, add_frame, add_robot, place_root
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 from nico_selfmodel.plant.model_in_plant import ModelInPlant
@@ -166,8 +167,7 @@ def _revolute(described: KinematicTree, name: str) -> RevoluteJoint:
 
 def _carrier(described: KinematicTree, joints: Sequence[str], link: str) -> str:
     """Return the last of some joints on the way down to a link."""
-    above = [joint.name() for joint in described.joints_down_to(link)]
-    return next((name for name in reversed(above) if name in joints), WORLD_NAME)
+    return carrier([joint.name() for joint in described.joints_down_to(link)], set(joints))
 
 
 def _blank(

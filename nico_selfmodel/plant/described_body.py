@@ -6,15 +6,17 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint
+from pydrake.multibody.tree import Joint
 
 from nico_selfmodel.dataset.body.link_joint import LinkJoint
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import frame_along
 from nico_selfmodel.geometry.transform import apply, inverse, transform
-from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, PRISMATIC, REVOLUTE, WORLD, BodyTree
+from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, WORLD, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import listed
+from nico_selfmodel.plant.described_links import axis_of
+from nico_selfmodel.plant.described_structure import check_structure
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 
 
@@ -30,7 +32,7 @@ def described_body(urdf: Path, joints: Sequence[LinkJoint], blank: BodyTree) -> 
         blank: The body to fill in.
 
     Raises:
-        ModelError: If a joint is not described, or moves otherwise.
+        ModelError: If a joint is not described, moves otherwise, or hangs on or follows another.
     """
     described = KinematicTree.from_urdf(urdf)
     if len(described.roots) != 1:
@@ -49,6 +51,7 @@ def described_body(urdf: Path, joints: Sequence[LinkJoint], blank: BodyTree) -> 
             continue
         X_WL[i] = _axis_frame(described, root, described.joint(joint.name), joint.motion)
         X_PJ[i] = inverse(X_WL[int(blank.parent[i])]) @ X_WL[i]
+    check_structure(described, joints)
 
     def placed(name: str, on: int, X_old: NDArray) -> NDArray:
         if on not in X_WL or not described.plant.HasFrameNamed(name, described.instance):
@@ -94,15 +97,6 @@ def described_masses(urdf: Path, body: BodyTree) -> tuple[NDArray, NDArray] | No
 
 def _axis_frame(described: KinematicTree, root: str, joint: Joint, motion: str) -> NDArray:
     """Return a joint's frame in the root's at zero, with z along its axis. Shape (4, 4)."""
-    kinds = {REVOLUTE: RevoluteJoint, PRISMATIC: PrismaticJoint}
-    if not isinstance(joint, kinds[motion]):
-        raise ModelError(
-            f"joint {joint.name()!r} is {joint.type_name()} in {described.urdf}, the data set says "
-            f"{motion}"
-        )
-    assert isinstance(joint, RevoluteJoint | PrismaticJoint)
-    revolute = isinstance(joint, RevoluteJoint)
-    axis = joint.revolute_axis() if revolute else joint.translation_axis()
+    turn = frame_along(axis_of(described, joint, motion))
     X_WF = described.poses({}, root, [joint.frame_on_parent()])[0]
-    turn = frame_along(axis)
     return X_WF @ transform(turn, np.zeros(3))

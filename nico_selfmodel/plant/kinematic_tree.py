@@ -78,8 +78,8 @@ class KinematicTree:
     """The robot's model instance."""
     joint_above: Mapping[str, Joint]
     """Link -> the joint that it hangs on; roots have none."""
-    mimics: frozenset[str]
-    """Joints that follow another one, which Drake's joints do not tell."""
+    mimics: Mapping[str, tuple[str, float]]
+    """Joint -> the one that it follows and the ratio, which Drake's joints do not tell."""
 
     @classmethod
     def from_urdf(cls, urdf: Path) -> "KinematicTree":
@@ -93,7 +93,14 @@ class KinematicTree:
         document = read_document(urdf)
         check_urdf(document, urdf)
         elements = children(robot_element(document), "joint")
-        mimics = frozenset(e.getAttribute("name") for e in elements if child(e, "mimic"))
+        mimics = {
+            element.getAttribute("name"): (
+                mimic.getAttribute("joint"),
+                float(mimic.getAttribute("multiplier") or 1.0),
+            )
+            for element in elements
+            if (mimic := child(element, "mimic")) is not None
+        }
         plant = MultibodyPlant(0.0)
         instance = parse(plant, urdf)
         joint_above = {joint.child_body().name(): joint for joint in _robot_joints(plant, instance)}

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from nico_selfmodel.dataset.body.body_dataset import BodyDataset
     from nico_selfmodel.estimation.monitoring.body_relearning import BodyUpdate
     from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
-    from nico_selfmodel.estimation.tree.tree_setup import Description
+    from nico_selfmodel.estimation.tree.tree_setup import Description, Wishes
     from nico_selfmodel.model.cameras.camera import Camera
     from nico_selfmodel.progress import Progress
     from nico_selfmodel.vision.boards.board_detection import AnyBoard
@@ -71,6 +71,8 @@ def calibrate(
     bends = bends or Bends()
     may_bend, vertical = effects_of(bends.effects), up_of(bends.up)
     train, test = inputs.body_train_and_test(dataset, held_out)
+    if robot is not None:
+        train, test = _in_joint_frames(robot, train, test, wishes)
     lenses = _lenses(known.cameras, train)
     with printer.progress_bar() as progress:
         if boards is not None and board is not None:
@@ -201,6 +203,23 @@ def _lenses(path: Path | None, data: "BodyDataset") -> "dict[str, Camera]":
             f"{data.name!r}: {listed(seeing) or 'none'}: they are matched by name"
         )
     return lenses
+
+
+def _in_joint_frames(
+    robot: str, train: "BodyDataset", test: "BodyDataset | None", wishes: "Wishes"
+) -> "tuple[BodyDataset, BodyDataset | None]":
+    """Return recordings with places on links, which are told in the frames of a description."""
+    from nico_selfmodel.plant.described_links import (
+        in_joint_frames,
+        refuse_parts_on_turned,
+        turned_links,
+    )
+    from nico_selfmodel.plant.robots import find_robot
+
+    turned = turned_links(find_robot(robot), train.joints)
+    values = [name for name, value in wishes.pins.pinned.items() if value is not None]
+    refuse_parts_on_turned(train, turned, {*values, *wishes.priors})
+    return in_joint_frames(train, turned), test and in_joint_frames(test, turned)
 
 
 def _described(
