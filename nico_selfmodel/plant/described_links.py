@@ -13,6 +13,7 @@ from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.link_joint import LinkJoint
+from nico_selfmodel.dataset.body.sensors import PLANE
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import frame_along
 from nico_selfmodel.geometry.transform import transform
@@ -103,7 +104,8 @@ def refuse_parts_on_turned(
     Raises:
         ValueError: If some are; it names them.
     """
-    for item in (*data.markers, *data.sensors):
+    # Parts of a plane are told from its own pose.
+    for item in (*data.markers, *(s for s in data.sensors if s.kind != PLANE)):
         own = sorted({f"{item.name}.{part}" for part in _PARTS} & set(told))
         if own and item.on in turned:
             x, y, z = (turned[item.on][:, 2].round(3) + 0.0).tolist()

@@ -6,13 +6,18 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.body.body_folder import save_body_dataset
+from nico_selfmodel.dataset.body.sensors import SensorInfo
 from nico_selfmodel.estimation.tree.tree_setup import blank_body
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rpy_of
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.tree.body_tree import WORLD
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.plant.described_body import described_body
-from nico_selfmodel.plant.described_links import in_joint_frames, turned_links
+from nico_selfmodel.plant.described_links import (
+    in_joint_frames,
+    refuse_parts_on_turned,
+    turned_links,
+)
 
 from ..cli.one_line import assert_one_clear_line
 from ..estimation.simulated_trees import one_arm
@@ -77,6 +82,15 @@ def test_markers_told_in_a_descriptions_link_frames_are_where_the_description_ha
 def test_link_frames_whose_axis_is_z_are_the_bodys(arm, tmp_path):
     urdf = described(arm.tree, [np.eye(4)] * 3, tmp_path / "r.urdf")
     assert turned_links(urdf, arm.data.joints) == {}
+
+
+def test_parts_of_a_plane_are_told_from_its_own_pose_on_any_link(arm, tmp_path):
+    turned = turned_links(described(arm.tree, [ABOUT_X] * 3, tmp_path / "r.urdf"), arm.data.joints)
+    palm = SensorInfo("palm", "plane", on="j3", X_LS=np.eye(4))
+    data = replace(arm.data, sensors=(*arm.data.sensors, palm))
+    refuse_parts_on_turned(data, turned, ["palm.z"])
+    with pytest.raises(ValueError, match=r"hand_tag0\.z: told on the link of 'j3'"):
+        refuse_parts_on_turned(data, turned, ["palm.z", "hand_tag0.z"])
 
 
 def test_told_places_beside_a_description_whose_axes_point_back_pass(arm, tmp_path, command):
