@@ -481,7 +481,6 @@ def test_marks_found_where_they_are_and_controls_answered_rightly_pass():
         ({SHAM_PAINT: (found(ON_ME),)}, "5b-d", "sham, own colour: 1 of 13 are answered wrongly"),
         ({ON_THE_GLASS: ()}, "5b-d", "mark on the glass: 1 of 25"),
         ({OTHER_ROBOT: (found(ON_ME),)}, "5b-d", "mark on another robot: 1 of 25"),
-        ({SEEN_DIRECTLY: ()}, "5b-d", "mark seen directly, too: 1 of 25"),
         ({SEEN_DIRECTLY: (found(ON_ME),) * 2}, "5b-d", "mark seen directly, too: 1 of 25"),
         ({SEEN_DIRECTLY: (found(ON_ME, link="chest"),)}, "5b-d", "seen directly, too: 1 of 25"),
         ({SEEN_DIRECTLY: (found(ON_ME), found(NOT_ON_ME))}, "5b-d", "directly, too: 1 of 25"),
@@ -518,10 +517,22 @@ def test_one_missed_mark_of_twenty_is_too_many():
     missed = replace(few.trials[0], found=())
     documents = marks_documents(MarkStage((missed, *few.trials[1:]), None))
     assert documents[-1]["status"] == "FAIL"
-    assert "19 of 20 marks are found, more than 95 of 100" in documents[-1]["reasons"][0]
+    said = "19 of 20 marks are found, and 4 of 4 that are seen directly, too, more than 95 of 100"
+    assert said in documents[-1]["reasons"][0]
     first, second, *_ = documents[0]["trials"]
     assert (first["said"], first["off_mm"]) == ("nothing", None)
     assert (second["link"], second["said"], second["off_mm"]) == ("head", "on me", 1.0)
+
+
+@pytest.mark.parametrize(("lost", "status"), [(7, "PASS"), (8, "FAIL")])
+def test_marks_that_are_seen_directly_too_must_be_found_like_all_others(lost, status):
+    """No control is answered wrongly by who misses one, but 25 and 125 are 150."""
+    trials = list(marked(25).trials)
+    own = [k for k, t in enumerate(trials) if t.painted.kind == SEEN_DIRECTLY]
+    for k in own[:lost]:
+        trials[k] = replace(trials[k], found=())
+    first = marks_documents(MarkStage(tuple(trials), None))[0]
+    assert (first["status"], first["hits_of_these"]) == (status, 25 - lost)
 
 
 def test_places_that_are_too_far_off_or_dishonest_fail():

@@ -8,6 +8,7 @@ import pytest
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.experiments.mirror_test import marks, painting
 from nico_selfmodel.experiments.mirror_test.painting import MARK, SHAM_PAINT, NoPlaceError, Painter
+from nico_selfmodel.systems.rendering.mark_on_body import Mark
 
 PLACES = np.array([[0.0, 0.0, 0.1], [0.0, 0.0, 0.2], [0.0, 0.0, 0.3]])
 NOISE = 2.0
@@ -63,6 +64,16 @@ def seen(monkeypatch):
 def painter(station):
     context = SimpleNamespace(SetTime=lambda _: None, get_time=lambda: 0.0)
     return Painter(station, context, np.eye(4), NOISE)
+
+
+@pytest.mark.parametrize(("about", "shown"), [(None, 9.0), (3.0, 9.0), (20.0, 0.0)])
+def test_a_mark_that_is_seen_directly_must_be_seen_where_it_is_reflected(about, shown):
+    station = Station({2: (9, 9)})
+    one = painter(station)
+    before = one._pictures()
+    station.paint(None, Mark("head", PLACES[1], 0.01, np.ones(3)))
+    at = None if about is None else np.full((2, 2), about)
+    assert one._shown(before, at) == shown
 
 
 def test_a_crease_and_a_dark_place_are_no_places_for_a_mark(seen):

@@ -40,10 +40,10 @@ WANTED = {
 """What is true of each control."""
 NO_MISTAKE = {kind: (told,) for kind, told in WANTED.items()} | {
     OTHER_ROBOT: (NOT_ON_ME, "nothing"),
-    SEEN_DIRECTLY: (ON_ME,),
+    SEEN_DIRECTLY: (ON_ME, "nothing"),
 }
-"""What may be said of it: who does not notice a mark on another robot did not take it for its
-own."""
+"""What may be said of it: who does not notice a mark on another robot did not take it for its own,
+and who misses one on itself, which counts among the marks that must be found, not for two."""
 
 _ARM = MARKED[len(LINKS) :]
 
@@ -90,20 +90,26 @@ def _document(
 
 
 def _hits(stage: MarkStage) -> dict[str, Any]:
-    trials = _of(stage, MARK)
-    hits = sum(map(_hit, trials))
+    trials, too = _of(stage, MARK), _of(stage, SEEN_DIRECTLY)
+    hits, own = sum(map(_hit, trials)), sum(map(_hit, too))
     said = f"{hits} of {len(trials)} marks are found"
-    missed = trials and hits <= LEAST_HITS * len(trials)
+    if too:
+        said += f", and {own} of {len(too)} that are seen directly, too"
+    # More than the share of those in the mirror only, and of both together.
+    each = ((hits, len(trials)), (hits + own, len(trials) + len(too)))
+    missed = any(of and found <= LEAST_HITS * of for found, of in each)
     failed = [f"{said}, more than {100 * LEAST_HITS:.0f} of 100 must be"] if missed else []
     return _document(
         "5",
-        "marks of 10 mm, step of colour 0.2, seen in the mirror only",
+        "marks of 10 mm, step of colour 0.2, seen in the mirror",
         failed,
         said,
         f"{ENOUGH_MARKS} marks" if len(trials) < ENOUGH_MARKS else None,
         not_judged=["the hand that moves and its wrist", "what is seen directly"],
         marks=len(trials),
         hits=hits,
+        seen_directly_too=len(too),
+        hits_of_these=own,
         several=sum(len(trial.found) > 1 for trial in trials),
         trials=[_row(trial) for trial in trials],
     )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.errors import RobotError
+from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.sessions.mirrors.knowing import LINKS, MARKED
@@ -36,6 +37,8 @@ KINDS = (
 _BESIDE = 0.40
 """Distance of the other robot to the right, where the mirror shows it too [m]."""
 _RING = 16
+_NEAR = 12.0
+"""How far from where its middle is reflected a mark is seen in the mirror [px]."""
 
 
 def _beside() -> NDArray:
@@ -121,7 +124,8 @@ class Painter:
                 self._station.paint(self._context, mark)
             except RobotError:
                 continue  # in a crease between two shapes no disc lies on the surface
-            if kind != SHAM_PAINT and self._shown(before) < self._noise:
+            about = self._reflected(apply(X_LF, p_FQ[None])[0]) if directly else None
+            if kind != SHAM_PAINT and self._shown(before, about) < self._noise:
                 self._station.wipe(self._context)
                 continue
             normal = None if mark.link == GLASS else surface.normals(p_FQ[None])[0]
@@ -134,15 +138,27 @@ class Painter:
         self._context.SetTime(self._context.get_time())
         return [self._station.picture(self._context, side).astype(float) for side in SIDES]
 
-    def _shown(self, before: Sequence[NDArray]) -> float:
+    def _reflected(self, p_LQ: NDArray) -> NDArray:
+        """Return where both cameras see the reflection of a place [px]. Shape (2, 2)."""
+        rig = self._station.ground_truth.rig
+        return np.asarray(rig.project(reflect(self._mirror, p_LQ)).reshape(2, 2))
+
+    def _shown(self, before: Sequence[NDArray], about: NDArray | None = None) -> float:
         """Return what paint changes in a picture, in that which it changes less [grey levels].
 
         Within one frame the noise of pictures stays the same, so that all that changes is paint.
+
+        Args:
+            before: Pictures without paint.
+            about: Where it must be seen, if it is seen elsewhere, too [px]. Shape (2, 2).
         """
         found = []
-        for old, new in zip(before, self._pictures(), strict=True):
+        for side, (old, new) in enumerate(zip(before, self._pictures(), strict=True)):
             square = np.mean((new - old) ** 2, axis=2)
             changed = square > 0.0
+            if about is not None:
+                v, u = np.indices(changed.shape)
+                changed &= np.hypot(u - about[side, 0], v - about[side, 1]) < _NEAR
             found.append(float(np.sqrt(square[changed].mean())) if changed.any() else 0.0)
         return min(found)
 
