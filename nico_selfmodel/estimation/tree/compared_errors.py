@@ -195,9 +195,11 @@ def held_beside_crossed(
     """
     pairs = []
     for key in COMPARED:
+        if key == first:
+            continue
         test = errors_of_tree(held, None, (key,), usual[0])
         train = errors_of_tree(crossed, inliers, (key,), usual[1])
-        if key != first and len(test.compared) and len(train.compared):
+        if len(test.compared) and len(train.compared):
             pairs.append((test, train))
     return tuple(pairs)
 
