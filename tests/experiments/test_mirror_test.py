@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation.contingency.contingency import (
     CANNOT_TELL,
     NOBODY,
@@ -56,6 +57,7 @@ from nico_selfmodel.sessions.looks.expecting import MirrorLook
 from nico_selfmodel.sessions.looks.mark_finder import Finding
 from nico_selfmodel.sessions.mirrors.knowing import MARKED, Refusal
 from nico_selfmodel.systems.rendering.mark_on_body import Mark
+from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 from nico_selfmodel.vision.surprise.surprise import Expectation, Surprise
 
 from ..slow_rest import slow_rest
@@ -142,6 +144,25 @@ def test_robots_of_several_processes_are_judged_as_one_test():
     assert whole.error == "no place"
     assert report_of(together(parts[:1])).document["stages"][0]["status"] == "NOT_EVALUATED"
     assert report_of(replace(whole, error=None)).document["stages"][0]["status"] == "PASS"
+
+
+@pytest.mark.parametrize("error", [EstimationError("no place"), RuntimeError("no distance")])
+def test_an_error_of_one_stage_loses_nothing_of_those_before_it(monkeypatch, caplog, error):
+    """Whether the package raised it, or a library in it."""
+
+    def images(*_):
+        raise error
+
+    monkeypatch.setattr(the_stages, "acquainted", lambda *_: [])
+    monkeypatch.setattr(the_stages, "run_encounters", lambda *_: stage(15))
+    monkeypatch.setattr(the_stages, "run_images", images)
+    test = the_stages.run_stages(imperfections_named("thesis"), [1], 100, 3, 9)
+    document = report_of(test).document
+    assert document["status"] == "FAIL"
+    assert [one["status"] for one in document["stages"]] == ["PASS", "FAIL"]
+    assert str(error) in document["stages"][1]["reasons"][0]
+    traced = [one.exc_info for one in caplog.records]
+    assert bool(traced) == (type(error) is RuntimeError)
 
 
 @pytest.mark.parametrize(("missed", "touched"), [(2, True), (3, False)])

@@ -1,5 +1,6 @@
 """The stages of the mirror test that exist, one after the other."""
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
@@ -28,6 +29,7 @@ from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 _T = TypeVar("_T")
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +89,12 @@ def run_stages(
     done: dict[str, Any] = {"encounters": _alone(run_encounters(robots, trials, progress))}
     try:
         _go_on(done, robots, looks, marks, plate, progress, share)
-    except SelfModelError as error:
-        # An hour of what went before is worth a report.
-        done["error"] = str(error)
+    except Exception as error:
+        # An hour of what went before, and of the other robots, is worth a report; an error that
+        # nobody raised on purpose is one of the program, and whoever mends it needs its place.
+        done["error"] = str(error) or type(error).__name__
+        if not isinstance(error, SelfModelError):
+            _LOG.exception("robots %s ended in an error of the program", list(seeds))
     return MirrorTest(**done)
 
 
