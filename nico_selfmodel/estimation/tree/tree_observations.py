@@ -296,7 +296,7 @@ class TreeObservations:
         return np.concatenate([np.repeat(s.pose, s.measured.shape[1]) for s in self.sensors])
 
     def as_bearings(self, lenses: Mapping[str, Camera]) -> "TreeObservations":
-        """Return the same with unit directions in place of pixels.
+        """Return the same with unit directions in place of pixels, where a pixel has one.
 
         Args:
             lenses: Intrinsics of every camera, by name.
@@ -306,7 +306,9 @@ class TreeObservations:
             if rows.kind == CAMERA:
                 lens = lenses[rows.name]
                 rays = lens.directions(rows.measured)
-                rows = replace(rows, kind=BEARING, measured=rays)
+                # At a fold of its lens a camera may have no ray for a pixel.
+                there = np.asarray(np.isfinite(rays).all(axis=1))
+                rows = replace(rows.only(there), kind=BEARING, measured=rays[there])
             found.append(replace(rows, first=first))
             first += rows.measured.size
         return TreeObservations(self.data, tuple(found))

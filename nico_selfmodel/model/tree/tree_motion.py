@@ -125,6 +125,21 @@ class TreeMotion:
         R = self.R_WL[on, :, :, pose]
         return np.asarray(self.p_WL[on, :, pose] + (R @ at[:, :, None])[:, :, 0])
 
+    def points_from(self, link: int, marker: NDArray, pose: NDArray) -> NDArray:
+        """Return where markers are in a link's frame, one a row.
+
+        Args:
+            link: Index of the link.
+            marker: Index of each row's marker. Shape (M,).
+            pose: Index of each row's pose. Shape (M,).
+
+        Returns:
+            Shape (M, 3).
+        """
+        R = self.R_WL[link][:, :, pose].transpose(2, 1, 0)
+        away = self.points(marker, pose) - self.p_WL[link][:, pose].T
+        return np.asarray((R @ away[:, :, None])[:, :, 0])
+
 
 def _turn(R: NDArray, v: NDArray) -> NDArray:
     """Return R v of all poses. Shapes (3, 3, N) and (3,) -> (3, N)."""

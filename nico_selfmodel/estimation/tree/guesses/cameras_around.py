@@ -18,7 +18,7 @@ from nico_selfmodel.estimation.tree.tree_parameters import FRAME_PARTS, SHIFTS, 
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.geometry.rotation import rotation_about, tangent_basis
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.tree.body_tree import WORLD, BodyTree
+from nico_selfmodel.model.tree.body_tree import BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
 _TURNS = 4
@@ -76,17 +76,27 @@ def _placed(
         if rows.kind != BEARING:
             continue
         (i,) = [k for k, s in enumerate(sensors) if s.name == rows.name]
-        p = motion.points(rows.marker, rows.pose)
-        if sensors[i].on != WORLD:
-            R = motion.R_WL[sensors[i].on][:, :, rows.pose].transpose(2, 0, 1)
-            away = p - motion.p_WL[sensors[i].on][:, rows.pose].T
-            p = (np.swapaxes(R, 1, 2) @ away[:, :, None])[:, :, 0]
-        middle, ray = p.mean(axis=0), rows.measured.mean(axis=0)
-        ray = ray / np.linalg.norm(ray)
-        across = float(np.sqrt(np.mean(1.0 - (rows.measured @ ray) ** 2)))
-        distance = float(np.sqrt(np.var(p, axis=0).sum())) / max(across, _NARROWEST)
+        p = motion.points_from(sensors[i].on, rows.marker, rows.pose)
+        middle, ray = p.mean(axis=0), _middle_of(rows.measured)
+        distance = as_far_as_seen(p, rows.measured)
         seen = np.column_stack([tangent_basis(ray), ray])
         world = np.column_stack([tangent_basis(-side), -side])
         R_WC = world @ rotation_about(np.array([0.0, 0.0, 1.0]), turn) @ seen.T
         sensors[i] = replace(sensors[i], X_LA=transform(R_WC, middle + distance * side))
     return replace(tree, sensors=tuple(sensors))
+
+
+def as_far_as_seen(p: NDArray, rays: NDArray) -> float:
+    """Return the distance from which what is seen looks as wide as its bearings are [m].
+
+    Args:
+        p: What is seen. Shape (N, 3).
+        rays: Unit directions in the camera. Shape (N, 3).
+    """
+    across = float(np.sqrt(np.mean(1.0 - (rays @ _middle_of(rays)) ** 2)))
+    return float(np.sqrt(np.var(p, axis=0).sum())) / max(across, _NARROWEST)
+
+
+def _middle_of(rays: NDArray) -> NDArray:
+    ray = rays.mean(axis=0)
+    return np.asarray(ray / np.linalg.norm(ray))

@@ -31,6 +31,7 @@ from nico_selfmodel.estimation.tree.guesses.carried_cameras import (
     reconstructed_by,
     with_known_links,
 )
+from nico_selfmodel.estimation.tree.guesses.carrying_joints import with_carrying_joints
 from nico_selfmodel.estimation.tree.guesses.flange_guess import from_flange
 from nico_selfmodel.estimation.tree.guesses.lost_joints import before_known_joints, with_lost_joints
 from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints, body_from_points
@@ -38,7 +39,7 @@ from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObs
 from nico_selfmodel.estimation.tree.tree_setup import Description
 from nico_selfmodel.geometry.alignment import Alignment
 from nico_selfmodel.geometry.resection import FEWEST
-from nico_selfmodel.geometry.transform import inverse, transform
+from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD_NAME, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import listed
@@ -262,7 +263,7 @@ def _described(
         elif rows.kind == CAMERA:
             places[info.name] = _on_its_link(motion, rows, data.on_link(info.on), rng, _FAR)
         else:
-            p_LM = _from_link(motion, rows, data.on_link(info.on))
+            p_LM = motion.points_from(data.on_link(info.on), rows.marker, rows.pose)
             found = Alignment.from_points(rows.measured[:, :3], p_LM)
             places[info.name] = transform(found.rotation, found.translation)
     return with_orientations(data, with_sensors(tree, places), observations)
@@ -279,16 +280,20 @@ def _with_carried(
     table, rng = data.observations, np.random.default_rng((seed, 8))
     standing = np.array([sensor.on == WORLD_NAME for sensor in data.sensors])[table.sensor]
     located = np.unique(np.append(table.marker[standing], np.flatnonzero(known_places(data))))
-    motion, places, cameras = TreeMotion.at(tree, data.si_readings, data.X_flange), {}, {}
-    for rows in observations.sensors:
-        info = data.sensors[rows.sensor]
-        if rows.kind != CAMERA or info.on == WORLD_NAME or rows.mirror:
-            continue
-        at = info.X_LS
-        places[info.name] = _carried_at(data, motion, rows, located, rng) if at is None else at
-        cameras[info.name] = rows
+    cameras = {
+        rows.name: rows
+        for rows in observations.sensors
+        if rows.kind == CAMERA and data.sensors[rows.sensor].on != WORLD_NAME and not rows.mirror
+    }
+    told = {s.name: s.X_LS for s in data.sensors if s.name in cameras and s.X_LS is not None}
+    tree = with_sensors(tree, told)
+    tree, found = with_carrying_joints(data, tree, cameras, frozenset(told), located, seed)
+    motion, places = TreeMotion.at(tree, data.si_readings, data.X_flange), {}
+    for name, rows in cameras.items():
+        if name not in told and name not in found:
+            places[name] = _carried_at(data, motion, rows, located, rng)
     tree = with_sensors(tree, places)
-    return with_others(data, tree, cameras, list(places), located, seed) if cameras else tree
+    return with_others(data, tree, cameras, list(cameras), located, seed) if cameras else tree
 
 
 def _carried_at(
@@ -330,17 +335,7 @@ def _on_its_link(
 ) -> NDArray:
     """Return where a camera is on its link that saw markers whose places are known. (4, 4)."""
     numbered = np.arange(len(rows.rows))
-    points = SeenPoints(numbered, np.zeros_like(numbered), _from_link(motion, rows, link))
+    seen = motion.points_from(link, rows.marker, rows.pose)
+    points = SeenPoints(numbered, np.zeros_like(numbered), seen)
     alone: SensorRows = replace(rows, pose=numbered, marker=np.zeros_like(numbered))
     return resected(alone, motion.tree.lenses[rows.name], points, rows.name, rng, within)
-
-
-def _from_link(motion: TreeMotion, rows: SensorRows, link: int) -> NDArray:
-    """Return where the markers of some rows are against a link. Shape (N, 3)."""
-    X_LW, p = inverse(_pose(motion, link, rows.pose)), motion.points(rows.marker, rows.pose)
-    return np.asarray((X_LW[:, :3, :3] @ p[:, :, None])[:, :, 0] + X_LW[:, :3, 3])
-
-
-def _pose(motion: TreeMotion, link: int, pose: NDArray) -> NDArray:
-    R = motion.R_WL[link][:, :, pose].transpose(2, 0, 1)
-    return transform(R, motion.p_WL[link][:, pose].T)

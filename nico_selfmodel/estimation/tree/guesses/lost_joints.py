@@ -48,7 +48,7 @@ def before_known_joints(
     Returns:
         The body, its other joints too; None where no camera saw enough.
     """
-    rng, own = np.random.default_rng((seed, 10)), _on_known(tree, located)
+    rng, own = np.random.default_rng((seed, 10)), on_known(tree, located)
     motion, places = TreeMotion.at(tree, data.si_readings, data.X_flange), {}
     for name, rows in cameras.items():
         at = on_link_among_unknown(motion, rows.only(own[rows.marker]), WORLD, rng)
@@ -74,11 +74,11 @@ def with_lost_joints(
         cameras: What standing cameras saw, by name.
         located: Markers that told its joints.
     """
-    own = _on_known(tree, located)
+    own = on_known(tree, located)
     seen = np.unique(np.concatenate([located, *(rows.marker for rows in cameras.values())]))
     unknown = seen[~own[seen]]
     carried = [tree.markers[m].on for m in unknown.tolist()]
-    lost = tree.beyond[carried].any(axis=0) & ~_found(tree, located)
+    lost = tree.beyond[carried].any(axis=0) & ~joints_found(tree, located)
     if not lost.any():
         return tree
     table, parameters = data.observations, TreeParameters(tree)
@@ -108,12 +108,12 @@ def with_lost_joints(
     return found[0][2]
 
 
-def _found(tree: BodyTree, located: NDArray) -> NDArray:
+def joints_found(tree: BodyTree, located: NDArray) -> NDArray:
     """Return which joints move located markers. Boolean, shape (n,)."""
     return np.asarray(tree.beyond[[tree.markers[m].on for m in located.tolist()]].any(axis=0))
 
 
-def _on_known(tree: BodyTree, located: NDArray) -> NDArray:
+def on_known(tree: BodyTree, located: NDArray) -> NDArray:
     """Return which markers such joints alone move. Boolean, shape (m,)."""
     moving = tree.beyond[[marker.on for marker in tree.markers]]
-    return np.asarray(~(moving & ~_found(tree, located)).any(axis=1))
+    return np.asarray(~(moving & ~joints_found(tree, located)).any(axis=1))
