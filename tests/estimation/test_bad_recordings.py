@@ -12,7 +12,7 @@ from nico_selfmodel.estimation.arm.evaluation import evaluate
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.diagnosis.fault_hypotheses import neighbours_explain
 from nico_selfmodel.estimation.diagnosis.mistaken_units import mistaken_units
-from nico_selfmodel.estimation.diagnosis.nominal_check import robot_reason
+from nico_selfmodel.estimation.diagnosis.nominal_check import robot_size
 from nico_selfmodel.estimation.diagnosis.suspected_readings import unwrapped_readings
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.model_verdict import judge_evaluation
@@ -261,9 +261,12 @@ def test_a_mirrored_or_rescaled_robot_is_told_from_a_described_one(make_truth):
                 nominal.markers,
                 scale * nominal.p_WH_zero,
             )
-            reason = robot_reason(nominal, DhTable.from_chain(learned), known)
-            assert (reason is None) == (word is None)
-            assert word is None or word in str(reason)
+            size = robot_size(nominal, DhTable.from_chain(learned), known)
+            assert size is not None
+            assert size.scale == pytest.approx(scale)
+            assert (size.reason is None) == (word is None)
+            assert word is None or word in str(size.reason)
+            assert (size.warning is None) == (scale != 1.2)
 
 
 def test_points_within_some_millimetres_are_asked_about_when_they_are_read(train, tmp_path):

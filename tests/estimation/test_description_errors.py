@@ -1,5 +1,6 @@
 """How far a described robot is off is told by the data, and so is what only it tells."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.diagnosis.nominal_check import RobotSize, compare_sizes
 from nico_selfmodel.estimation.judging import judge, result_of
 from nico_selfmodel.estimation.tree.known import described_scale as module
 from nico_selfmodel.estimation.tree.known.described_scale import (
@@ -181,6 +183,63 @@ def test_what_the_user_states_stays():
         "learned": False,
     }
     assert found.ladder.solution.problem.priors["j2.x"] == (0.0, 0.007)
+
+
+@pytest.mark.parametrize(
+    ("unit", "status", "said"),
+    slow_rest(
+        [
+            (0.3048, "FAIL", r"0\.30\d* times as large as its description: check the unit"),
+            (1.0, "NOT_EVALUATED", None),
+            (
+                1.1,
+                "NOT_EVALUATED",
+                r"1\.(09|10)\d* times as large as its description, in all of its",
+            ),
+            (39.37, "FAIL", r"39\.\d* times as large as its description: check the unit"),
+        ],
+        plain=2,
+    ),
+)
+def test_a_tracker_in_another_unit_than_the_description_is_told(unit, status, said):
+    sim = one_arm(7, joints=5, markers=3, poses=40)
+    values = sim.data.observations.values.copy()
+    values[:, :3] *= unit
+    data = replace(sim.data, observations=replace(sim.data.observations, values=values))
+    verdict = judge(calibrate_tree(data, description=described(sim, 7, 0.5, 1.0), effects=()))
+    assert verdict.status == status, verdict.reasons
+    words = [one for one in (*verdict.reasons, *verdict.warnings) if "times as large" in one]
+    assert len(words) == (said is not None)
+    assert said is None or re.search(said, words[0])
+
+
+@pytest.mark.parametrize(
+    ("more", "factor", "off", "said"),
+    [(4, 4.1, 0.011, True), (3, 4.1, 0.011, False), (4, 3.9, 0.011, False), (4, 4.1, 0.009, False)],
+)
+def test_a_robot_is_larger_in_all_of_its_lengths_by_the_stated_bounds(more, factor, off, said):
+    size = RobotSize(np.exp(off), 0.01, 0.01 * factor, more)
+    assert (size.warning is not None) == said
+    assert size.reason is None
+
+
+def test_a_robot_may_differ_from_its_description_by_a_third_in_size():
+    for scale, fails in ((1.29, False), (1.31, True), (1 / 1.29, False), (1 / 1.31, True)):
+        assert (RobotSize(scale, 0.01, 0.1, 8).reason is not None) == fails
+
+
+def test_axes_that_are_not_the_described_ones_tell_no_size():
+    rng = np.random.default_rng(3)
+    d, p = rng.normal(size=(2, 6, 3))
+    d = d / np.linalg.norm(d, axis=1, keepdims=True)
+    size = compare_sizes((d, p), (d, 1.5 * p))
+    assert size is not None
+    assert (size.scale, size.left) == (pytest.approx(1.5), pytest.approx(0.0, abs=1e-9))
+    assert compare_sizes((d, p), (d[::-1], 1.5 * p)) is None
+    assert compare_sizes((d, p), (d, 1.5 * p[::-1])) is None
+    along = np.broadcast_to([0.0, 0.0, 1.0], (6, 3))
+    assert compare_sizes((along, p), (along, p)) is None
+    assert compare_sizes((d, 0.0 * p), (d, 0.0 * p)) is None
 
 
 @pytest.mark.slow

@@ -69,7 +69,7 @@ def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
     if foreign and exchanged:
         foreign, exchanged = exchanged, []
     failures = [
-        calibration.contradicted_robot,
+        calibration.size and calibration.size.reason,
         *bending_faults(calibration.ladder),
         *gear_words(calibration.doubtful_gears),
         *_fixed_reasons(calibration),
@@ -106,6 +106,7 @@ def _warnings(calibration: KinematicCalibration) -> list[str]:
     words += [change.warning for change in both if change.warning]
     rows = calibration.train.observations
     words += equal_readings(len(np.unique(rows.sample)), len(rows.poses))
+    words += [calibration.size.warning] if calibration.size and calibration.size.warning else []
     words += _joint_noise_words(calibration)
     if calibration.causes.stopped_after is not None:
         words.append(

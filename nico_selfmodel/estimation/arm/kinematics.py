@@ -34,7 +34,7 @@ from nico_selfmodel.estimation.diagnosis.fixed_parameter_check import (
 )
 from nico_selfmodel.estimation.diagnosis.gear_check import DoubtfulGear, doubtful_gears
 from nico_selfmodel.estimation.diagnosis.lag_in_time import Steps, lag_in_time
-from nico_selfmodel.estimation.diagnosis.nominal_check import robot_reason
+from nico_selfmodel.estimation.diagnosis.nominal_check import RobotSize, robot_size
 from nico_selfmodel.estimation.diagnosis.outliers_in_time import outliers_in_time
 from nico_selfmodel.estimation.diagnosis.score_test import ArmTest, arm_test
 from nico_selfmodel.estimation.diagnosis.systematic_residuals import (
@@ -96,8 +96,8 @@ class KinematicCalibration:
     """Gears held at 1 that the data contradict."""
     contradicted_parameters: tuple[ContradictedParameter, ...]
     """Parameters pinned by name that the data contradict."""
-    contradicted_robot: str | None
-    """How the learned arm is not the described robot, in words; None where it may be."""
+    size: RobotSize | None
+    """How large the learned arm is beside the described robot; None where nothing tells."""
     causes: Causes
     """What would make the data fit, where they do not."""
     ladder: Ladder
@@ -210,7 +210,7 @@ def calibrate_kinematics(
         dataset.point_sigma_m,
         doubts.gears or ladder.doubtful_gears,
         contradicted,
-        None if nominal is None else robot_reason(nominal.chain, model.dh, task.gear_known),
+        None if nominal is None else robot_size(nominal.chain, model.dh, task.gear_known),
         causes,
         ladder,
         solved.noise,

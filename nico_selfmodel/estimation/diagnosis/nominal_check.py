@@ -1,6 +1,6 @@
 """Whether a learned arm is the described robot: its size, and whether it is its mirror image."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,49 +15,103 @@ _LEAST_SIZE = 0.05
 """Distances between axes that a comparison of sizes needs [m]; less is uncertainty of the axes."""
 _SAME_SIZE = 1.3
 """Ratio of sizes up to which a robot may differ from its description."""
+_ALL_ALIKE, _LEAST_OFF, _FEWEST_MORE = 4.0, 0.01, 4
+"""A robot of nearly its size is told to be larger or smaller where that leaves this many times less
+of the distances between axes, by this part at least, and there are so many more of these than it
+takes to place it: of lengths that are off one by one it is so by chance once in 600."""
 _CLEARLY_LESS = 0.5
 """Ratio of what two readings of the zeros leave, from which on the second is taken."""
 _LEFT_OVER = 0.3
 """Part of the distances between axes that may remain after scaling."""
 
 
-def _signed_scale(nominal: Chain, learned: Chain) -> tuple[float, float] | None:
-    """Return the scale that takes a described arm's axes to the learned ones, both at one zero.
+@dataclass(frozen=True)
+class RobotSize:
+    """How large a learned robot is beside its description."""
+
+    scale: float
+    """Times as large; negative for its mirror image."""
+    left: float
+    """Part of the distances between axes that scaling leaves."""
+    unscaled: float
+    """Part that is left without."""
+    more: int
+    """Equations beyond those that it takes to place and scale it."""
+
+    @property
+    def reason(self) -> str | None:
+        """What is said of another size, or of a mirror image; None where it may be the robot."""
+        if self.scale < 0.0:
+            return (
+                "the learned robot is a mirror image of its description: the points are in "
+                "left-handed coordinates; negate one of x, y, z (or exchange two of them) in all "
+                "points"
+            )
+        if 1.0 / _SAME_SIZE <= self.scale <= _SAME_SIZE:
+            return None
+        return (
+            f"the learned robot is {self.scale:.4g} times as large as its description: check the "
+            "unit of length of what was measured, and that this is the robot"
+        )
+
+    @property
+    def warning(self) -> str | None:
+        """What is said of nearly the same size, if all lengths are off alike."""
+        alike = self.more >= _FEWEST_MORE and self.unscaled > _ALL_ALIKE * self.left
+        if self.reason is not None or not alike or abs(np.log(self.scale)) < _LEAST_OFF:
+            return None
+        return (
+            f"the learned robot is {self.scale:.4g} times as large as its description, in "
+            "all of its lengths alike: check the size of what lengths are measured by (the "
+            "tracker's scale, squares of a board, a known distance), or the description"
+        )
+
+
+def compare_sizes(
+    nominal: tuple[NDArray, NDArray], learned: tuple[NDArray, NDArray]
+) -> RobotSize | None:
+    """Return the scale that takes a described robot's axes to the learned ones, both at one zero.
 
     A mirror turns the sense of every rotation: with points p -> S p, directions go to -S d, so a
-    mirrored arm is a rotated one whose distances are scaled by a negative number. Beside it stands
-    the part of the distances between axes that it leaves; None where the axes do not tell: they
-    meet in one point, are all parallel, or are not those of the described robot.
+    mirrored arm is a rotated one whose distances are scaled by a negative number.
+
+    Args:
+        nominal: Directions and points of the axes. Shape (n, 3) each.
+        learned: Those of the learned robot.
+
+    Returns:
+        None where the axes do not tell: they meet in one point, are all parallel, or are not those
+        of the described robot.
     """
-    d = learned.directions
-    rotation = nearest_rotation(d.T @ nominal.directions)
-    turned = nominal.directions @ rotation.T
-    apart = np.arccos(np.clip(np.sum(turned * d, axis=1), -1.0, 1.0))
-    if np.linalg.svd(nominal.directions, compute_uv=False)[1] < 0.1:
+    (directions, points), (d, at) = nominal, learned
+    if len(d) < 2 or np.linalg.svd(directions, compute_uv=False)[1] < 0.1:
         return None
+    rotation = nearest_rotation(d.T @ directions)
+    apart = np.arccos(np.clip(np.sum((directions @ rotation.T) * d, axis=1), -1.0, 1.0))
     if np.sqrt(np.mean(apart**2)) > _NEAR_RAD:
         return None
     # A point of the described axis, scaled and moved, lies on the learned one.
     across = np.eye(3) - d[:, :, None] * d[:, None, :]
-    points = nominal.points @ rotation.T
-    columns = np.concatenate([across @ points[:, :, None], across], axis=2).reshape(-1, 4)
-    target = (across @ learned.points[:, :, None]).ravel()
+    lengths = (across @ (points @ rotation.T)[:, :, None]).ravel()
+    moves, target = across.reshape(-1, 3), (across @ at[:, :, None]).ravel()
+    columns = np.column_stack([lengths, moves])
     solution, _, rank, _ = np.linalg.lstsq(columns, target, rcond=1e-9)
-    scale = float(solution[0])
-    reach, left = _reach(columns), float(np.linalg.norm(columns @ solution - target))
+    # How far described axes pass each other, whatever the place of the arm [m].
+    reach = _left(moves, lengths)
+    scale, left = float(solution[0]), float(np.linalg.norm(columns @ solution - target))
     if rank < 4 or reach < _LEAST_SIZE or left > _LEFT_OVER * abs(scale) * reach:
         return None
-    return scale, left / (abs(scale) * reach)
+    size, unscaled = abs(scale) * reach, _left(moves, target - lengths)
+    return RobotSize(scale, left / size, unscaled / size, 2 * len(d) - 4)
 
 
-def _reach(columns: NDArray) -> float:
-    """Return how far described axes pass each other, whatever the place of the arm [m]."""
-    moves = columns[:, 1:]
-    return float(np.linalg.norm(columns[:, 0] - moves @ np.linalg.lstsq(moves, columns[:, 0])[0]))
+def _left(columns: NDArray, target: NDArray) -> float:
+    """Return what linear least squares leave."""
+    return float(np.linalg.norm(target - columns @ np.linalg.lstsq(columns, target)[0]))
 
 
-def robot_reason(nominal: Chain, learned: DhTable, zero_known: NDArray) -> str | None:
-    """Say when the measured points are a mirror image of the robot, or in another unit.
+def robot_size(nominal: Chain, learned: DhTable, zero_known: NDArray) -> RobotSize | None:
+    """Compare a learned arm with the described one.
 
     Args:
         nominal: The described arm, at its zero.
@@ -65,7 +119,7 @@ def robot_reason(nominal: Chain, learned: DhTable, zero_known: NDArray) -> str |
         zero_known: Joints whose encoders read the description's angles. Shape (n,).
 
     Returns:
-        A sentence with what to do, or None.
+        None where the axes do not tell.
     """
     found = []
     for sign in (1.0, -1.0):
@@ -78,22 +132,11 @@ def robot_reason(nominal: Chain, learned: DhTable, zero_known: NDArray) -> str |
         )
         # An unknown zero is where theta is that of the description, or of its mirror image.
         theta = np.where(zero_known, learned.theta_zero, DhTable.from_chain(like).theta_zero)
-        scale_and_rest = _signed_scale(nominal, replace(learned, theta_zero=theta).to_chain())
-        if scale_and_rest is not None:
-            found.append(scale_and_rest)
+        chain = replace(learned, theta_zero=theta).to_chain()
+        described = (nominal.directions, nominal.points)
+        size = compare_sizes(described, (chain.directions, chain.points))
+        if size is not None:
+            found.append(size)
     if not found:
         return None
-    scale, rest = found[0]
-    if found[-1][1] < _CLEARLY_LESS * rest:
-        scale = found[-1][0]
-    if scale < 0.0:
-        return (
-            "the learned arm is a mirror image of the robot's description: the points are in "
-            "left-handed coordinates; negate one of x, y, z (or exchange two of them) in all points"
-        )
-    if 1.0 / _SAME_SIZE <= scale <= _SAME_SIZE:
-        return None
-    return (
-        f"the learned arm is {scale:.4g} times as large as the robot's description: check the unit "
-        "of length of the points, and that this is the robot"
-    )
+    return found[-1] if found[-1].left < _CLEARLY_LESS * found[0].left else found[0]

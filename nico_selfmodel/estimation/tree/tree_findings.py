@@ -27,6 +27,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
 from nico_selfmodel.estimation.tree.compared_errors import alone_off
 from nico_selfmodel.estimation.tree.contradictions.contradiction_words import (
     contradiction_findings,
+    described_size,
     misdescribed_words,
     missed_touches,
     size_words,
@@ -73,6 +74,7 @@ SCALE = (
 def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     """Return what speaks for and against a body beyond what every calibration is asked."""
     test, ladder = calibration.test, calibration.ladder
+    size = described_size(calibration)
     unexplained = [*unexplained_sensors(calibration), *flange_misfits(calibration)]
     bend, asked = ladder.solution, not (calibration.anew or unexplained)
     change = moved_meanwhile(bend.problem, bend.solution) if asked else None
@@ -91,7 +93,8 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     seen = np.isin(np.arange(len(data.sample)), data.observations.pose)
     doubts += [
         *equal_readings(int(seen.sum()), len(np.unique(data.pose[seen]))),
-        *misdescribed_words(calibration),
+        *(misdescribed_words(calibration) if size is None or not size.reason else []),
+        *([size.warning] if size is not None and size.warning else []),
         *_told_by_no_pose(calibration),
         *_seldom_words(calibration),
         *([calibration.by_description.warning] if calibration.by_description else []),
@@ -118,7 +121,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
             MISFIT, [*_noise_reasons(calibration), *sensor_misfits(calibration), *unexplained]
         ),
         *findings(FAILURE, [] if cause else changed),
-        *findings(FAILURE, _contradicted_description(calibration)),
+        *findings(FAILURE, [size and size.reason, *_contradicted_description(calibration)]),
         *findings(FAILURE, bent_reasons(calibration.flatness)),
         *findings(FAILURE, [*bending_faults(ladder), *gear_words(gears)]),
         *findings(LAST, missed_touches(calibration)),

@@ -4,6 +4,7 @@ import numpy as np
 
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE
 from nico_selfmodel.dataset.body.sensors import CONTACT, PLANE, POSES
+from nico_selfmodel.estimation.diagnosis.nominal_check import RobotSize, compare_sizes
 from nico_selfmodel.estimation.noise.contradictions import LEAST_SHARE, WHERE_TO_LOOK
 from nico_selfmodel.estimation.observations.outlier_words import name_samples, stuck_encoder
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE, LAST, Finding
@@ -29,7 +30,8 @@ from nico_selfmodel.estimation.tree.known.lens_parts import lens_findings
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_setup import KNOWN_PLACES
-from nico_selfmodel.model.tree.body_tree import PRISMATIC, WORLD
+from nico_selfmodel.model.tree.body_tree import PRISMATIC, REVOLUTE, WORLD
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import listed
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 
@@ -159,6 +161,26 @@ def misdescribed_words(calibration: TreeCalibration) -> list[str]:
         f"the robot's description is much farther off at some joints than at others: {listed(said)}"
         "; check their axes and origins there (the joint behind a wrong one follows it)"
     ]
+
+
+def described_size(calibration: TreeCalibration) -> RobotSize | None:
+    """Compare a body with its description by the joints that moved what was seen, or what saw.
+
+    Returns:
+        None where there is no description, or nothing tells.
+    """
+    tree, data = calibration.tree, calibration.data
+    if calibration.description is None:
+        return None
+    links = [tree.markers[m].on for m in np.unique(data.observations.marker).tolist()]
+    links += [sensor.on for sensor in tree.sensors]
+    turning = np.array([motion == REVOLUTE for motion in tree.motions])
+    moved = np.flatnonzero(tree.beyond[links].any(axis=0) & turning)
+    lines = []
+    for one in (calibration.description.tree, tree):
+        still = TreeMotion.at(one, np.zeros((1, len(tree.joints))))
+        lines.append((still.R_WJ[moved, :, 2, 0], still.p_WJ[moved, :, 0]))
+    return compare_sizes(*lines)
 
 
 def missed_touches(calibration: TreeCalibration) -> list[str]:
