@@ -74,6 +74,8 @@ HEAD_JOINTS = (
     "neck_yaw", "neck_pitch", "neck_roll", "eyes_tilt", "left_eye_pan", "right_eye_pan",
 )  # fmt: skip
 """Joints that turn the cameras."""
+TORSO_JOINTS, NECK_JOINTS = ("torso_yaw", "torso_pitch"), ("neck_yaw", "neck_pitch")
+"""Joints that turn the cameras and all of the body before them, or the head alone."""
 ARM_JOINTS = {
     side: tuple(
         f"{side}_{joint}"
@@ -106,14 +108,21 @@ def looking_body(*joints: str) -> BodyDescription:
     Raises:
         ModelError: If there is no such joint.
     """
+    return _whole_body(ALL_JOINTS, joints or ALL_JOINTS)
+
+
+@cache
+def turning_body() -> BodyDescription:
+    """Return Nico's whole body on a torso that turns: torso, neck and right arm are commanded."""
+    return _whole_body(
+        (*TORSO_JOINTS, *ALL_JOINTS), (*TORSO_JOINTS, *NECK_JOINTS, *ARM_JOINTS["right"])
+    )
+
+
+def _whole_body(joints: Sequence[str], commanded: Sequence[str]) -> BodyDescription:
     cameras = dict(zip(MOUNTS, NICO_CAMERAS.cameras, strict=True))
     return BodyDescription.from_urdf(
-        "nico",
-        ALL_JOINTS,
-        HAND_POINTS,
-        cameras,
-        commanded=joints or ALL_JOINTS,
-        held=looking(),
+        "nico", joints, HAND_POINTS, cameras, commanded=commanded, held=looking()
     )
 
 

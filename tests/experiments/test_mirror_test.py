@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.estimation.contingency.body_or_room import BodyOrRoom
 from nico_selfmodel.estimation.contingency.contingency import (
     CANNOT_TELL,
     NOBODY,
@@ -21,6 +22,7 @@ from nico_selfmodel.estimation.contingency.motion_response import MotionResponse
 from nico_selfmodel.estimation.mirrors.mark_place import NOT_ON_ME, ON_GLASS, ON_ME
 from nico_selfmodel.experiments.mirror_test import report, robots_apart
 from nico_selfmodel.experiments.mirror_test import stages as the_stages
+from nico_selfmodel.experiments.mirror_test.body_or_room import TurningStage
 from nico_selfmodel.experiments.mirror_test.encounters import EXPECTED, EncounterStage, Trial
 from nico_selfmodel.experiments.mirror_test.images import ALLOWED, ImageStage, ImageTrial
 from nico_selfmodel.experiments.mirror_test.marks import MarkStage, MarkTrial, Watched
@@ -56,6 +58,7 @@ from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
 from nico_selfmodel.sessions.looks.expecting import MirrorLook
 from nico_selfmodel.sessions.looks.mark_finder import Finding
 from nico_selfmodel.sessions.mirrors.knowing import MARKED, Refusal
+from nico_selfmodel.sessions.turning import TurnedLook
 from nico_selfmodel.systems.rendering.mark_on_body import Mark
 from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 from nico_selfmodel.vision.surprise.surprise import Expectation, Surprise
@@ -95,7 +98,7 @@ def test_a_hundred_right_verdicts_in_time_pass():
 
 
 def test_a_test_that_lacks_a_stage_is_no_pass():
-    document = report_of(MirrorTest(stage(15), images(5), mirrors(10))).document
+    document = report_of(MirrorTest(stage(15), images(5), turning(5), mirrors(10))).document
     assert {one["status"] for one in document["stages"]} == {"PASS"}
     assert document["status"] == "NOT_EVALUATED"
     assert document["reasons"][0] == "stage 3: it was not begun"
@@ -144,25 +147,6 @@ def test_robots_of_several_processes_are_judged_as_one_test():
     assert whole.error == "no place"
     assert report_of(together(parts[:1])).document["stages"][0]["status"] == "NOT_EVALUATED"
     assert report_of(replace(whole, error=None)).document["stages"][0]["status"] == "PASS"
-
-
-@pytest.mark.parametrize("error", [EstimationError("no place"), RuntimeError("no distance")])
-def test_an_error_of_one_stage_loses_nothing_of_those_before_it(monkeypatch, caplog, error):
-    """Whether the package raised it, or a library in it."""
-
-    def images(*_):
-        raise error
-
-    monkeypatch.setattr(the_stages, "acquainted", lambda *_: [])
-    monkeypatch.setattr(the_stages, "run_encounters", lambda *_: stage(15))
-    monkeypatch.setattr(the_stages, "run_images", images)
-    test = the_stages.run_stages(imperfections_named("thesis"), [1], 100, 3, 9)
-    document = report_of(test).document
-    assert document["status"] == "FAIL"
-    assert [one["status"] for one in document["stages"]] == ["PASS", "FAIL"]
-    assert str(error) in document["stages"][1]["reasons"][0]
-    traced = [one.exc_info for one in caplog.records]
-    assert bool(traced) == (type(error) is RuntimeError)
 
 
 @pytest.mark.parametrize(("missed", "touched"), [(2, True), (3, False)])
@@ -354,6 +338,59 @@ def _mirror_px(word):
     return 1.0 if word == "a mirror" else np.nan
 
 
+def turning(robots, *, wrong=0, untold=0):
+    """Return a stage of so many robots; of a hundred cells some are told wrongly, or not at all."""
+    true = np.arange(100).reshape(10, 10) < 40
+    odds = np.where(true, 9.0, -9.0)
+    odds.flat[:untold] = 0.0
+    none, everything = np.zeros((10, 10), dtype=bool), np.ones((10, 10), dtype=bool)
+    looks = {}
+    for seed in range(robots):
+        mine = odds.copy()
+        mine.flat[untold : untold + (wrong if seed == 0 else 0)] *= -1.0
+        torso, neck = BodyOrRoom(mine), BodyOrRoom(np.full((10, 10), -9.0))
+        picture = np.zeros((160, 160, 3), dtype=np.uint8)
+        looks[seed] = tuple(
+            TurnedLook(name, "left", picture, everything, told, body, ~body)
+            for name, told, body in (("torso", torso, true), ("neck", neck, none))
+        )
+    return TurningStage(looks)
+
+
+@pytest.mark.parametrize(
+    ("robots", "how", "status", "reason"),
+    [
+        (5, {}, "PASS", "1000 of 1000 cells are told rightly, 200 of 200 of the body"),
+        (4, {}, "NOT_EVALUATED", "4 robots, 5 are needed"),
+        (5, {"wrong": 10}, "PASS", "990 of 1000"),
+        (5, {"wrong": 11}, "FAIL", "11 of 1000 cells are told wrongly, at most 1% may be"),
+        (5, {"untold": 20}, "PASS", "100 of 200 of the body"),
+        (5, {"untold": 21}, "FAIL", "95 of 200 cells of the body are told, 50% are needed"),
+    ],
+)
+def test_what_turns_along_must_be_told_rightly_by_most_of_what_shows_it(
+    robots, how, status, reason
+):
+    report = report_of(MirrorTest(stage(15), images(5), turning(robots, **how)))
+    found = report.document["stages"][2]
+    assert (found["stage"], found["status"]) == ("1c", status)
+    assert reason in found["reasons"][0]
+    assert "turning" in report.charts
+
+
+def test_what_several_processes_told_of_torsos_is_put_together():
+    parts = [
+        MirrorTest(stage(8), images(5), turning(2)),
+        MirrorTest(stage(7), images(5), turning(3)),
+    ]
+    parts[1] = replace(
+        parts[1], turning=TurningStage({k + 2: v for k, v in turning(3).looks.items()})
+    )
+    whole = together(parts)
+    assert whole.turning is not None
+    assert sorted(whole.turning.looks) == [0, 1, 2, 3, 4]
+
+
 def images(count, **said_of):
     """Return a stage of so many images of each kind, the last of which is told otherwise."""
     trials = []
@@ -401,7 +438,13 @@ def test_a_twin_that_no_mirror_explains_and_images_that_nobody_saw_can_be_writte
 def test_the_report_tells_what_learned_colours_are_off_by():
     off = PaintsOff(7, np.array([0.1, 0.05]), np.array([0.004, 0.002]), np.array([0.003, 0.002]))
     report = report_of(
-        MirrorTest(stage(15), images(5), mirrors(10), unmarked=replace(looks(9, 0), paints=(off,)))
+        MirrorTest(
+            stage(15),
+            images(5),
+            turning(5),
+            mirrors(10),
+            unmarked=replace(looks(9, 0), paints=(off,)),
+        )
     )
     (table,) = (one for one in report.tables if "colours of its paints" in one.title)
     assert table.rows == [["7", "2", "7.5 %", "0.3 %", "0.4 %", "0.2 %"]]
@@ -414,27 +457,50 @@ def test_a_link_of_which_nothing_was_learned_can_be_written(tmp_path):
     nothing = LinkStructure(
         7, "head", mesh, np.zeros(0), np.zeros((0, 3)), np.zeros(0), 0.0, 0.0, 0.0
     )
-    report = report_of(MirrorTest(stage(15), images(5), mirrors(10), StructureStage((nothing,), 9)))
+    report = report_of(
+        MirrorTest(stage(15), images(5), turning(5), mirrors(10), StructureStage((nothing,), 9))
+    )
     document = json.loads(json.dumps(report.document, allow_nan=False))
-    assert document["stages"][3]["status"] == "FAIL"
-    assert document["stages"][3]["links"][0]["median_mm"] is None
+    assert document["stages"][4]["status"] == "FAIL"
+    assert document["stages"][4]["links"][0]["median_mm"] is None
 
 
 def test_an_error_in_a_later_stage_fails_it_and_keeps_what_went_before():
-    report = report_of(MirrorTest(stage(15), images(5), mirrors(10), error="no such place"))
+    report = report_of(
+        MirrorTest(stage(15), images(5), turning(5), mirrors(10), error="no such place")
+    )
     stages = report.document["stages"]
     assert [(one["stage"], one["status"]) for one in stages] == [
-        ("1", "PASS"), ("1b", "PASS"), ("2", "PASS"), ("3", "FAIL"),
+        ("1", "PASS"), ("1b", "PASS"), ("1c", "PASS"), ("2", "PASS"), ("3", "FAIL"),
     ]  # fmt: skip
     assert report.document["status"] == "FAIL"
     # What fails it comes first.
     assert report.document["reasons"][0] == "stage 3: no such place"
 
 
+@pytest.mark.parametrize("error", [EstimationError("no place"), RuntimeError("no distance")])
+def test_an_error_of_one_stage_loses_nothing_of_those_before_it(monkeypatch, caplog, error):
+    """Whether the package raised it, or a library in it."""
+
+    def images(*_):
+        raise error
+
+    monkeypatch.setattr(the_stages, "acquainted", lambda *_: [])
+    monkeypatch.setattr(the_stages, "run_encounters", lambda *_: stage(15))
+    monkeypatch.setattr(the_stages, "run_images", images)
+    test = the_stages.run_stages(imperfections_named("thesis"), [1], 100, 3, 9)
+    document = report_of(test).document
+    assert document["status"] == "FAIL"
+    assert [one["status"] for one in document["stages"]] == ["PASS", "FAIL"]
+    assert str(error) in document["stages"][1]["reasons"][0]
+    traced = [one.exc_info for one in caplog.records]
+    assert bool(traced) == (type(error) is RuntimeError)
+
+
 def test_a_robot_that_finds_no_shape_fails_the_third_stage_alone():
     nothing = StructureStage((), 14, (Refusal(7, "no shape of its arm: 5 poses show the hand"),))
     report = report_of(
-        MirrorTest(stage(15), images(5), mirrors(10), nothing, unmarked=looks(100, 0))
+        MirrorTest(stage(15), images(5), turning(5), mirrors(10), nothing, unmarked=looks(100, 0))
     )
     stages = {one["stage"]: one for one in report.document["stages"]}
     assert stages["3"]["status"] == "FAIL"

@@ -39,14 +39,15 @@ def mirror_test(
     """Is it me? What is that mark? The mirror test (chapter 10).
 
     A robot that has learned its cameras and an arm of six joints tells mirrors from other robots,
-    from late and live pictures of itself and from a twin; learns where mirrors stand, and in them
-    the shape of head and chest, and without them that of forearm and hand; looks for what surprises
-    about its body, unmarked, marked, or with marks on the glass or on another robot; and puts its
-    finger on the marks that it found. FAIL, with exit code 1, where a stage misses a bound:
-    docs/mirror_test.md has them all. A PASS takes 100 trials, 5 robots, 10 mirrors, 100 looks, 104
-    marks and 20 of them in reach. A stage that fails is the last, but for the shape, which nothing
-    rests on. Some 10 s a trial, 10 to 25 s a mark, 3 s a look, 2 s for each of 50 other ways, and
-    10 minutes a robot; --processes shares robots out.
+    from late and live pictures of itself and from a twin, and its body from its room as its torso
+    turns; learns where mirrors stand, and in them the shape of head and chest, and without them
+    that of forearm and hand; looks for what surprises about its body, unmarked, marked, or with
+    marks on the glass or on another robot; and puts its finger on the marks that it found. FAIL,
+    with exit code 1, where a stage misses a bound: docs/mirror_test.md has them all. A PASS takes
+    100 trials, 5 robots, 10 mirrors, 100 looks, 117 marks and 20 of them in reach. A stage that
+    fails is the last, but for shape and room, which nothing rests on. Some 10 s a trial, 10 to 25 s
+    a mark, 3 s a look, 2 s for each of 50 other ways, and 10 minutes a robot; --processes shares
+    robots out.
     """
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 

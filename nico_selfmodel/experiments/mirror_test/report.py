@@ -5,8 +5,14 @@ from typing import Any
 
 import numpy as np
 
+from nico_selfmodel.estimation.contingency.body_or_room import CHANGES
 from nico_selfmodel.estimation.contingency.contingency import ODDS
 from nico_selfmodel.experiments.experiment_report import ExperimentReport, Table
+from nico_selfmodel.experiments.mirror_test.body_or_room import (
+    turning_chart,
+    turning_document,
+    turning_table,
+)
 from nico_selfmodel.experiments.mirror_test.encounters_report import (
     encounters_chart,
     encounters_document,
@@ -27,7 +33,7 @@ from nico_selfmodel.experiments.mirror_test.structure_report import (
 )
 from nico_selfmodel.experiments.mirror_test.touches import SEEN_ON
 from nico_selfmodel.experiments.mirror_test.touches_report import touches_document, touches_table
-from nico_selfmodel.experiments.mirror_test.unknown_mirror_report import (
+from nico_selfmodel.experiments.mirror_test.unknown_mirror import (
     mirrors_document,
     mirrors_table,
 )
@@ -51,6 +57,7 @@ from nico_selfmodel.viz.reports.parts import Drawing, numbers, section
 
 _BEGUN = {
     "images": "1b",
+    "turning": "1c",
     "mirrors": "2",
     "structure": "3",
     "unmarked": "4",
@@ -60,18 +67,18 @@ _BEGUN = {
 """Part of a test -> the stage that it is."""
 
 
-def report_of(test: MirrorTest) -> ExperimentReport:
-    """Return the verdicts of the stages, and what they rest on.
-
-    Args:
-        test: What happened in all stages that were begun.
-    """
-    stages = [encounters_document(test.encounters)]
+def _told(test: MirrorTest) -> tuple[list[dict[str, Any]], list[Table], dict[str, Any]]:
+    """Return the stages that were begun as plain data, their tables and their charts."""
+    stages: list[dict[str, Any]] = [encounters_document(test.encounters)]
     tables = [encounters_table(test.encounters)]
     charts = {"contingency": encounters_chart(test.encounters)}
     if test.images is not None:
         stages.append(images_document(test.images))
         tables.append(images_table(test.images))
+    if test.turning is not None:
+        stages.append(turning_document(test.turning))
+        tables.append(turning_table(test.turning))
+        charts["turning"] = turning_chart(test.turning)
     if test.mirrors is not None:
         stages.append(mirrors_document(test.mirrors))
         tables.append(mirrors_table(test.mirrors))
@@ -91,6 +98,16 @@ def report_of(test: MirrorTest) -> ExperimentReport:
     if test.touches is not None:
         stages.append(touches_document(test.touches))
         tables.append(touches_table(test.touches))
+    return stages, tables, charts
+
+
+def report_of(test: MirrorTest) -> ExperimentReport:
+    """Return the verdicts of the stages, and what they rest on.
+
+    Args:
+        test: What happened in all stages that were begun.
+    """
+    stages, tables, charts = _told(test)
     if test.error is not None:
         begun = next(k for k in _BEGUN if getattr(test, k) is None)
         stages.append(stage_document(_BEGUN[begun], "ended in an error", [test.error], None, ""))
@@ -112,14 +129,15 @@ def report_of(test: MirrorTest) -> ExperimentReport:
         "# The mirror test\n\n"
         f"**{document['status']}**: {'; '.join(document['reasons'])}.\n\n"
         "Stage 1, contingency: whose motion follows one's own? Stage 1b: is what moves with "
-        "oneself a mirror, a picture or another? Stage 2: where "
+        "oneself a mirror, a picture or another? Stage 1c: what of a picture is body, and what is "
+        "room, as the torso turns? Stage 2: where "
         "does a mirror stand that was never looked into? Stage 3, structure: what shape have head, "
         "chest, forearm and hand? Stage 4, the expected picture: does an unmarked body look as "
         "expected, its arm included? Stages 5, 6 and 8: is a mark found that is seen in mirrors "
         "only, where is it, and is nothing found where it is not? Stage 7: does the finger touch "
         "it, and nothing else the body? No other stage "
-        "is part of this test, and one that fails is the last that is judged, but for stage 3: "
-        "the later ones expect to see the description's shapes. "
+        "is part of this test, and one that fails is the last that is judged, but for stages 1c "
+        "and 3: the later ones stand still, and expect to see the description's shapes. "
         f"{len(met.responses)} simulated robot(s) that learned cameras and arm by themselves, "
         f"{len(met.trials)} encounters in random order, both cameras, a picture of each every "
         f"{1e3 * PERIOD:.0f} ms; odds of {ODDS:,.0f} to 1 end an encounter.\n\n"
@@ -135,7 +153,8 @@ def _page(
     about = "Do I look as I expect, and what is on me that was not there?"
     shown = (("mark", "A look at a mark"), ("surprise", "A look at the unmarked body"),
              ("structure", "The shape of head and chest"), ("arm", "The shape of forearm and hand"),
-             ("contingency", "Whose motion follows one's own"))  # fmt: skip
+             ("contingency", "Whose motion follows one's own"),
+             ("turning", "What turns along with the cameras"))  # fmt: skip
     drawn = [
         section(title, Drawing(charts[name], title)) for name, title in shown if name in charts
     ]
@@ -148,6 +167,7 @@ def _page(
     )
 
 
+TURNING_CHANGES = "{:g} and {:g}, after each turn: given".format(*CHANGES)
 KEPT_OFF = "learned where it was seen (stage 3), beside what its description gives"
 DERIVED_SHAPE = "derived: from what mirrors, joints and cameras are known by"
 SET_COLOR = f"{100 * COLOR_SIGMA:g} %: set on robots 0 and 1; more where its looks tell"
@@ -175,6 +195,7 @@ def _given() -> Table:
         ["arm and cameras", "learned, from pictures of a chessboard and of its own hand"],
         ["delay of its pictures", "learned, from its arm seen directly"],
         ["how surely motion is seen", "learned, likewise"],
+        ["how often what turns along looks otherwise, and what does not", TURNING_CHANGES],
         ["names of its links and which follows which", "given, by its description"],
         ["where its head is turned, poses that a mirror shows", "given, by its description"],
         ["which way is up", "given: its root stands upright, its cameras as described"],

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+from nico_selfmodel.experiments.mirror_test.body_or_room import TurningStage
 from nico_selfmodel.experiments.mirror_test.encounters import EncounterStage, check_trials
 from nico_selfmodel.experiments.mirror_test.images import ImageStage
 from nico_selfmodel.experiments.mirror_test.marks import MarkStage, check_marks
@@ -124,6 +125,7 @@ def together(parts: Sequence[MirrorTest]) -> MirrorTest:
     whole = MirrorTest(
         met,
         _joined(parts, "images", lambda found: ImageStage(_all(found, "trials"))),
+        _joined(parts, "turning", _turning),
         _joined(parts, "mirrors", _mirrors),
         _joined(trusting, "structure", _structure),
         _joined(trusting, "unmarked", _unmarked),
@@ -142,6 +144,10 @@ def _joined(parts: Sequence[MirrorTest], name: str, join: Any) -> Any:
 
 def _all(stages: Sequence[Any], name: str) -> tuple[Any, ...]:
     return tuple(one for stage in stages for one in getattr(stage, name))
+
+
+def _turning(found: Sequence[TurningStage]) -> TurningStage:
+    return TurningStage({seed: own for stage in found for seed, own in stage.looks.items()})
 
 
 def _mirrors(found: Sequence[MirrorsStage]) -> MirrorsStage:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from nico_selfmodel.errors import SelfModelError
+from nico_selfmodel.experiments.mirror_test.body_or_room import TurningStage, run_turning
 from nico_selfmodel.experiments.mirror_test.encounters import (
     EncounterStage,
     check_trials,
@@ -17,8 +18,11 @@ from nico_selfmodel.experiments.mirror_test.marks import MarkStage, check_marks,
 from nico_selfmodel.experiments.mirror_test.marks_report import marks_documents
 from nico_selfmodel.experiments.mirror_test.structure import StructureStage, run_structure
 from nico_selfmodel.experiments.mirror_test.touches import TouchStage, run_touches
-from nico_selfmodel.experiments.mirror_test.unknown_mirror import MirrorsStage, place_mirrors
-from nico_selfmodel.experiments.mirror_test.unknown_mirror_report import any_beyond
+from nico_selfmodel.experiments.mirror_test.unknown_mirror import (
+    MirrorsStage,
+    any_beyond,
+    place_mirrors,
+)
 from nico_selfmodel.experiments.mirror_test.unmarked import UnmarkedStage, run_unmarked
 from nico_selfmodel.experiments.mirror_test.unmarked_report import unmarked_document
 from nico_selfmodel.sessions.mirrors.acquaintance import Acquainted, acquainted
@@ -40,13 +44,15 @@ class MirrorTest:
     """Stage 1."""
     images: ImageStage | None = None
     """Stage 1b; None if stage 1 failed."""
+    turning: TurningStage | None = None
+    """Stage 1c; None if one before failed. If it fails, the others go on: they do not turn."""
     mirrors: MirrorsStage | None = None
     """Stage 2; None if one before failed."""
     structure: StructureStage | None = None
-    """Stage 3; None if one before failed. If it fails, the others go on: they expect to see the
-    description's shapes."""
+    """Stage 3; None if one before but 1c failed. If it fails, the others go on: they expect to see
+    the description's shapes."""
     unmarked: UnmarkedStage | None = None
-    """Stage 4; None if one before failed but the third."""
+    """Stage 4; None if one before failed but 1c and the third."""
     marks: MarkStage | None = None
     """Stages 5, 6 and 8; None if one before failed."""
     touches: TouchStage | None = None
@@ -66,9 +72,10 @@ def run_stages(
     *,
     share: bool = False,
 ) -> MirrorTest:
-    """Let robots learn themselves and go through the test; who fails one but the third ends there.
+    """Let robots learn themselves and go through the test; who fails one ends there.
 
-    A robot that refuses a mirror ends alone, though the stage fails by it: the others trust theirs.
+    Nothing rests on stages 1c and 3: who fails them goes on. A robot that refuses a mirror ends
+    alone, though the stage fails by it: the others trust theirs.
 
     Args:
         seeds: Which robots.
@@ -113,6 +120,7 @@ def _go_on(
     done["images"] = _alone(run_images(robots, progress))
     if images_document(done["images"])["status"] == "FAIL":
         return
+    done["turning"] = _alone(run_turning(robots, progress))
     known, refused = _alone(know_mirrors(robots, plate, progress))
     done["mirrors"] = place_mirrors(known, refused)
     if not known or any_beyond(done["mirrors"]):

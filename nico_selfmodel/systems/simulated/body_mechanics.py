@@ -20,6 +20,7 @@ from nico_selfmodel.systems.simulated.joint_mechanics import (
     built_servos,
     built_stops,
 )
+from nico_selfmodel.systems.simulated.trunk import limbs_of, put_on_trunk, trunk_of
 
 if TYPE_CHECKING:
     # The plant is slow to load.
@@ -59,6 +60,10 @@ class BodyMechanics(JointMechanics):
         Raises:
             ValueError: If a limit is missing or crossed, or a joint has no room to move.
         """
+        trunk = trunk_of(body.tree)
+        if trunk:
+            limbs = cls.build(limbs_of(body, trunk), imperfections, seed, rig)
+            return limbs._on_trunk(body, trunk, seed)
         rng = np.random.default_rng((seed, 22))
         tree, n = _built_tree(body.tree, imperfections, rng, rig), len(body.tree.joints)
         geared = np.array(["elbow" in name for name in tree.joints])
@@ -79,6 +84,37 @@ class BodyMechanics(JointMechanics):
             upper=upper,
             imperfections=imperfections,
             largest_torque=torque,
+        )
+
+    def _on_trunk(self, body: "BodyDescription", trunk: int, seed: int) -> "BodyMechanics":
+        """Return these limbs on a torso of its own imperfections, which hardly bears a load."""
+        rng, flaws, names = (
+            np.random.default_rng((seed, 29)),
+            self.imperfections,
+            body.tree.joints[:trunk],
+        )
+        off = _axes_off(trunk, flaws, rng)
+        tree = put_on_trunk(self.tree, body.tree, body.tree.X_PJ[:trunk] @ off)
+        servos = built_servos(names, np.ones(trunk), flaws, rng)
+        stops = built_stops(servos, *body.limits[:, :trunk], flaws.stop_spread, seed)
+        stand = [body.held.get(name, 0.0) for name in names] + _HELD_SIGMA * rng.normal(size=trunk)
+        own = body.columns[body.columns < trunk]
+        first, both = _some(servos, own), self.servos
+        return replace(
+            self,
+            tree=tree,
+            columns=body.columns,
+            rest=np.concatenate([stand, self.rest]),
+            servos=ServoMap(
+                (*first.joints, *both.joints),
+                np.concatenate([first.offset, both.offset]),
+                np.concatenate([first.gear, both.gear]),
+                (*first.unit, *both.unit),
+                np.concatenate([first.counts_per_turn, both.counts_per_turn]),
+                np.concatenate([first.sign, both.sign]),
+            ),
+            lower=np.concatenate([stops[0][own], self.lower]),
+            upper=np.concatenate([stops[1][own], self.upper]),
         )
 
     @property
@@ -125,9 +161,7 @@ def _built_tree(
 ) -> BodyTree:
     """Return the axes, points and cameras of one instance: X_PJ (exp(w), v), w and v across z."""
     n, m = len(nominal.joints), len(nominal.markers)
-    tilt, shift = np.zeros((n, 3)), np.zeros((n, 3))
-    tilt[:, :2] = rng.normal(0.0, 1.0, (n, 2)) * imperfections.axis_sigma
-    shift[:, :2] = rng.normal(0.0, 1.0, (n, 2)) * imperfections.link_sigma
+    off = _axes_off(n, imperfections, rng)
     # A card is printed or glued on nearly in its place, and stays in its plane.
     on_card = np.array(
         [[1.0, 1.0, 0.0] if item.oriented else [0.0] * 3 for item in nominal.markers]
@@ -137,11 +171,19 @@ def _built_tree(
     cameras = list(zip(nominal.sensors, rig.cameras, strict=True))
     return replace(
         nominal,
-        X_PJ=nominal.X_PJ @ transform(rotation_from_vector(tilt), shift),
+        X_PJ=nominal.X_PJ @ off,
         markers=tuple(replace(item, X_LA=item.X_LA @ X) for item, X in markers),
         sensors=tuple(replace(item, X_LA=item.X_LA @ camera.X_WC) for item, camera in cameras),
         lenses={item.name: camera.at(np.eye(4)) for item, camera in cameras},
     )
+
+
+def _axes_off(n: int, imperfections: Imperfections, rng: np.random.Generator) -> NDArray:
+    """Return how n built axes stand off the described ones: (exp(w), v), across z. (n, 4, 4)."""
+    tilt, shift = np.zeros((n, 3)), np.zeros((n, 3))
+    tilt[:, :2] = rng.normal(0.0, 1.0, (n, 2)) * imperfections.axis_sigma
+    shift[:, :2] = rng.normal(0.0, 1.0, (n, 2)) * imperfections.link_sigma
+    return transform(rotation_from_vector(tilt), shift)
 
 
 def _some(servos: ServoMap, columns: NDArray) -> ServoMap:

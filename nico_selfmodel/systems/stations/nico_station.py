@@ -13,9 +13,8 @@ from nico_selfmodel.errors import RobotError
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.plant.body_description import BodyDescription, built_frame_name
+from nico_selfmodel.plant.body_description import BodyDescription
 from nico_selfmodel.plant.link_surfaces import LinkSurface
-from nico_selfmodel.plant.model_in_plant import ModelInPlant
 from nico_selfmodel.systems.closing import Closable, free_memory
 from nico_selfmodel.systems.image_values import bgr_of
 from nico_selfmodel.systems.looking import looking_arm
@@ -30,18 +29,16 @@ from nico_selfmodel.systems.rendering.station_scene import (
     BoardHolder,
     BodyPoses,
     add_renderer,
-    print_fiducial,
     remove_scene,
     sights_on,
-    wrap_tape,
 )
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality, StereoCameras
 from nico_selfmodel.systems.simulated.encoder_model import EncoderModel
 from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
 from nico_selfmodel.systems.simulated.imperfections import Imperfections, imperfections_named
 from nico_selfmodel.systems.simulated.motion_capture import MotionCapture
+from nico_selfmodel.systems.stations.hand_marks import mark_hands
 from nico_selfmodel.systems.stations.nico_detectors import (
-    FIDUCIALS,
     body_detectors,
     default_detectors,
     room_detectors,
@@ -50,7 +47,6 @@ from nico_selfmodel.systems.stations.nico_instance import NicoInstance
 from nico_selfmodel.systems.stations.other_robot import OTHER, OtherRobot, add_other_robot
 from nico_selfmodel.systems.stations.whole_nico import WholeNico
 from nico_selfmodel.systems.tracking.hand_tracker import (
-    FIDUCIAL_ID,
     Detectors,
     HandTracker,
     MirrorDetectors,
@@ -163,7 +159,7 @@ class NicoStation(Closable, Diagram):
         self.__other: OtherRobot | None = None
         if other:  # of the description's colours
             self.__other, second = add_other_robot(builder, self.__scene, body, noise)
-            _mark(self.__scene, second, arm)
+            mark_hands(self.__scene, second, arm)
             self.__marks.on_links(second, OTHER)
         _add_motion_capture(builder, poses, body, world, noise)
         tracker = HandTracker(detectors, before_mirror=mirror is not None)
@@ -203,6 +199,18 @@ class NicoStation(Closable, Diagram):
     def ground_truth(self) -> GroundTruth:
         """What only the simulation knows: for judging and for tests, never for learning."""
         return self.__instance.ground_truth
+
+    def ground_truth_in(self, context: Any) -> GroundTruth:
+        """Say the same with the cameras where a whole body's joints stand: never for learning.
+
+        Args:
+            context: The station's context, or that of a diagram it is part of.
+        """
+        if not isinstance(self.__instance, WholeNico):
+            return self.ground_truth
+        servos = self.GetSubsystemByName("servos")
+        own = servos.GetMyContextFromRoot(context)
+        return self.__instance.standing(np.array(servos.GetOutputPort("q_true").Eval(own)))
 
     def hold_board(self, context: Any, X_BG: NDArray | None) -> None:
         """Hold the chessboard before the robot.
@@ -273,7 +281,7 @@ class NicoStation(Closable, Diagram):
         )
         surfaces = {k: v for k, v in self.__marks.places.items() if v is not None}
         poses = {k: query.GetPoseInWorld(v.frame).GetAsMatrix4() for k, v in surfaces.items()}
-        X_LW = self.ground_truth.X_LB  # the base's frame is the scene's world
+        X_LW = self.ground_truth_in(context).X_LB  # the base's frame is the scene's world
         return {link: (surface, X_LW @ poses[link]) for link, surface in surfaces.items()}
 
     def picture(self, context: Any, camera: str) -> NDArray:
@@ -293,24 +301,6 @@ def _built(
     if isinstance(arm, BodyDescription):
         return WholeNico.build(arm, world, seed, cameras)
     return NicoInstance.build(arm, world, seed, cameras)
-
-
-def _mark(
-    scene_graph: SceneGraph, built: ModelInPlant, arm: ArmDescription | BodyDescription
-) -> None:
-    """Print fiducials and wrap tape where they belong."""
-    if isinstance(arm, BodyDescription):
-        for side, number in FIDUCIALS.items():
-            mount, ball = f"{side}_hand_fiducial", f"{side}_wrist_marker"
-            place = built_frame_name(mount)
-            print_fiducial(scene_graph, built, mount, number, ball, place)
-        wrap_tape(scene_graph, built, built_frame_name("right_finger_tip"))
-        return
-    if "fiducial" in arm.points:
-        mount = arm.points["fiducial"]
-        print_fiducial(scene_graph, built, mount, FIDUCIAL_ID, "right_wrist_marker")
-    if "finger_tip" in arm.points:
-        wrap_tape(scene_graph, built, arm.points["finger_tip"])
 
 
 def _add_scene(
@@ -333,7 +323,7 @@ def _add_scene(
     if world.paint_sigma > 0.0:
         paint_otherwise(scene_graph, built, world.paint_sigma, np.random.default_rng((seed[0], 51)))
     add_renderer(scene_graph, glare=mirror is not None, lamps=bool(room))
-    _mark(scene_graph, built, arm)
+    mark_hands(scene_graph, built, arm)
     hang_cards(scene_graph, room)
     frames = tuple(
         built.plant.GetBodyFrameIdOrThrow(built.plant.GetBodyByName(link).index())

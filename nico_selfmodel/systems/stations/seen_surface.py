@@ -19,6 +19,8 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.plant.link_surfaces import LinkSurface
 
+UNSEEN = "?"
+"""What is said of pixels to which a lens sends no light."""
 _TRIED = 3000
 """Pixels that are followed at first."""
 _SAME = 1e-3
@@ -103,6 +105,27 @@ class SeenSurface:
             kept = self._sees(camera, p_LQ, False)
             p_LQ, on = p_LQ[kept], on[kept]
         return self._placed(p_LQ[:count], on[:count])
+
+    def shown(self, camera: Camera, pixels: NDArray) -> NDArray:
+        """Return which link each pixel of a camera shows directly.
+
+        Args:
+            pixels: Shape (N, 2).
+
+        Returns:
+            Names, empty where it shows something else, `UNSEEN` where no line of sight belongs to
+            it. Shape (N,).
+        """
+        ways = camera.directions(pixels) @ camera.X_WC[:3, :3].T
+        there = np.flatnonzero(np.isfinite(ways).all(axis=1))
+        start, ways = camera.X_WC[:3, 3], ways[there]
+        p_LQ = onto_solids(self._solids, self._before_glass(start, ways, False), ways)
+        met = np.isfinite(p_LQ).all(axis=1)
+        on = distance_to_solids(self._solids, p_LQ[met])[1]
+        found = np.full(len(pixels), UNSEEN, dtype=object)
+        found[there] = ""
+        found[there[met]] = [self._links[k] for k in on]
+        return found
 
     @property
     def _glass(self) -> Plane:

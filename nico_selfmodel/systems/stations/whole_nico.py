@@ -70,11 +70,8 @@ class WholeNico:
     @property
     def ground_truth(self) -> GroundTruth:
         """What instruments beside it would say: for judging and for tests, never for learning."""
-        return GroundTruth(
-            self.at(self.mechanics.servos.to_encoder(np.zeros(len(self.body.joints))))
-        )
+        return self.standing(self.mechanics.servos.to_joint(np.zeros(len(self.body.joints))))
 
-    def at(self, encoders: NDArray) -> RobotInstance:
-        """Return it with its cameras where readings of shape (k,) have them, but for what sags."""
-        instance = RobotInstance(self.mechanics, X_TB=self.X_TB)
-        return instance.posed(self.mechanics.servos.to_joint(encoders))
+    def standing(self, q: NDArray) -> GroundTruth:
+        """Return the same with its cameras where joint angles [rad] of shape (k,) have them."""
+        return GroundTruth(RobotInstance(self.mechanics, X_TB=self.X_TB).posed(q))
