@@ -1,11 +1,13 @@
 """A sensor that contradicts all the others: without it the recording fits, or it lies behind."""
 
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
-from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, SIGHTS
+from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, SIGHTS
 from nico_selfmodel.errors import DataError, SelfModelError
 from nico_selfmodel.estimation.noise.hand_noise import LARGEST_NOISE
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
@@ -71,8 +73,41 @@ def refuse_odd_sensor(found: FoundStart, data: BodyDataset, search: Search, seed
                 break
     least = min(left_by.values(), default=np.inf)
     if least < min(LARGEST_NOISE, _SMALLER * worst):
+        _refuse_left_handed(few, search, min(LARGEST_NOISE, _SMALLER * worst))
         wrong = [name for name, error in left_by.items() if error < least / _SMALLER]
         raise DataError(_words(wrong, data.name))
+
+
+def _refuse_left_handed(few: BodyDataset, search: Search, largest: float) -> None:
+    """Refuse a tracker of points by which, one axis negated, a recording fits that else does not.
+
+    Who is left-handed, it or the cameras, nothing tells.
+
+    Args:
+        few: Some of the samples.
+        search: Finds a first body.
+        largest: Usual error above which it does not fit, in the spread of all.
+
+    Raises:
+        DataError: If there is one.
+    """
+    table = few.observations
+    for s, sensor in enumerate(few.sensors):
+        own = table.sensor == s
+        if sensor.kind != POINTS or not own.any():
+            continue
+        values = table.values.copy()
+        values[own, 1] *= -1.0
+        turned = replace(few, observations=replace(table, values=values))
+        fits = False
+        with suppress(SelfModelError):
+            fits = largest_error(search(turned, None), turned) < largest
+        if fits:
+            raise DataError(
+                f"what sensor {sensor.name!r} of data set {few.name!r} measured fits the rest if "
+                "one of its axes is negated, and does not as it is: it is left-handed, or pictures "
+                "are mirrored (x, y, z must be right-handed, u run to the right and v down)"
+            )
 
 
 def some_samples(data: BodyDataset, seed: int) -> BodyDataset:
