@@ -75,9 +75,9 @@ def test_a_left_handed_tracker_beside_one_camera_is_told_from_a_wrong_camera():
     """By leaving one out nothing can be told: a camera alone learns no arm."""
     data = before_cameras_and_a_tracker(3)
     data = data.of_rows(data.observations.sensor != 1)
-    with pytest.raises(DataError, match="sensor 'tracker' .* if one of its axes is negated"):
+    with pytest.raises(DataError, match=r"sensor 'tracker' .* if one of its axes is negated"):
         calibrate_tree(changed(data, "tracker", left_handed), effects=())
-    with pytest.raises(DataError, match="sensor 'left' of data set .* contradicts all the rest"):
+    with pytest.raises(DataError, match=r"sensor 'left' of data set .* contradicts all the rest"):
         calibrate_tree(changed(data, "left", upside_down_and_aside), effects=())
 
 
