@@ -25,11 +25,11 @@ _WAYS = np.vstack([np.eye(3), -np.eye(3)])
 
 
 def body_causes(tree: BodyTree, names: tuple[str, ...]) -> tuple[Hypothesis, ...]:
-    """Return what may change: each encoder's zero, each marker, each joint's place, each camera.
+    """Return what may change: encoders' zeros and gears, markers, places of joints and cameras.
 
-    A joint's frame turned about its own axis is another zero of its encoder. What sits beyond a
-    joint that was knocked askew moves with it, as does all that a link carries when it was hit. A
-    gear is not asked for: readings that are all off by one angle would look like another gear.
+    A joint's frame turned about its own axis is another zero of its encoder. A gear changes about
+    the zero at which it was mounted: both of its numbers move. What sits beyond a joint that was
+    knocked askew moves with it, as does all that a link carries when it was hit.
 
     Args:
         names: Parameters that the observations depend on; causes with others are left out.
@@ -38,6 +38,7 @@ def body_causes(tree: BodyTree, names: tuple[str, ...]) -> tuple[Hypothesis, ...
     carried = [marker.name for marker in tree.markers if marker.on != WORLD]
     found: list[tuple[str, tuple[str, ...]]] = [
         *((f"zero of {joint}", (f"{joint}.rz",)) for joint in turning),
+        *((f"gear of {joint}", (f"{joint}.gear", f"{joint}.rz")) for joint in turning),
         *((f"marker {name}", _parts(name, PLACES)) for name in carried),
         *((f"{joint} on what carries it", _parts(joint, FRAME_PARTS)) for joint in turning),
         *(
@@ -69,7 +70,8 @@ def body_changes(tree: BodyTree, causes: tuple[Hypothesis, ...]) -> MonitoredCha
         elif cause.names[0].endswith(".x"):
             for size, way in product(SHIFTS, _WAYS):
                 weight = 1.0 if size == SHIFTS[0] else RARER
-                kinds["point"].append((cause.basis[:, -3:] @ (size * way), weight))
+                # Of markers that move together shifts come first, then turns.
+                kinds["point"].append((cause.basis[:, :3] @ (size * way), weight))
         elif cause.names[0].endswith(".rx"):
             kinds["camera"] += [(cause.basis[:, :3] @ (TURN * way), 1.0) for way in _WAYS]
     columns = [column for own in kinds.values() for column, _ in own]

@@ -1,6 +1,6 @@
 """Whether a body of any tree still fits what is known of it; see `health`."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import SIGHTS
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.monitoring.body_causes import body_causes, body_changes
+from nico_selfmodel.estimation.monitoring.encoder_jumps import SlipSearch
 from nico_selfmodel.estimation.monitoring.health import HealthReport, watched
 from nico_selfmodel.estimation.noise.contradictions import (
     LEAST_SHARE,
@@ -25,8 +26,10 @@ from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, told_by
 from nico_selfmodel.estimation.tree.tree_noise import noise_named
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
+from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
 from nico_selfmodel.model.noise_mixture import NoiseMixture
 from nico_selfmodel.model.tree.body_model import BodyModel
+from nico_selfmodel.model.tree.body_tree import REVOLUTE
 from nico_selfmodel.optimization.uncertainty import root_of
 
 WIDER, TAIL_SHARE = 3.0, 0.05
@@ -56,7 +59,12 @@ def check_body_health(model: BodyModel, data: BodyDataset) -> HealthReport:
     poses, share = _seen_poses(model, data)
     noise, covariance = _with_tail(model), _shown_covariance(model, poses)
     causes = body_causes(model.tree, poses.names)
-    return watched(poses, noise, covariance, body_changes(model.tree, causes), causes, share)
+    report = watched(poses, noise, covariance, body_changes(model.tree, causes), causes, share)
+    since, rows = report.changed_at, _WhiteRows.of(model, data)
+    if since is None or rows is None:
+        return report
+    slips = rows.slips(model, poses, noise, covariance, since)
+    return replace(report, diagnoses=slips.ranked(report.diagnoses))
 
 
 def _false_share(detections: NDArray) -> float:
@@ -144,54 +152,119 @@ def white_poses(model: BodyModel, data: BodyDataset) -> tuple[PoseResiduals, NDA
     Raises:
         DataError: If the recording is of another body.
     """
-    told = told_by(model, data)
-    kinds = np.array([sensor.kind for sensor in told.sensors])
-    seen = TreeObservations.of(told, np.isin(kinds[told.observations.sensor], SIGHTS))
-    silent = (name for name in model.tree.joints if f"{name} turn" not in model.noise)
-    known = noise_named({**dict.fromkeys(silent, 0.0), **model.noise}, seen)
-    if known is None or min(known.sensor, default=0.0) <= 0.0:
+    rows = _WhiteRows.of(model, data)
+    if rows is None:
         return None
-    parameters = TreeParameters(model.tree)
-    linear = TreeResiduals(seen, parameters).linear(parameters.values_of(model.tree))
-    aside = alone_off(TreeErrors(seen, linear.r), usual_by(linear, known, seen))
-    kept = ~aside[seen.row]
-    scale = 1.0 / known.sensor[seen.noise_group[kept]]
-    white = replace(
-        linear,
-        r=linear.r[kept] * scale,
-        J=linear.J[:, kept] * scale,
-        by_joint=linear.by_joint[kept] * scale[:, None] * known.joint,
-    )
-    row = seen.row[kept]
-    pose = told.observations.pose
+    pose, row = rows.pose, rows.row
     detections = np.unique(pose[np.unique(row)], return_counts=True)[1]
-    return _stacked(white, pose[row], parameters.names, data.sample), detections
+    return rows.poses(rows.values), detections
+
+
+@dataclass(frozen=True, eq=False)
+class _WhiteRows:
+    """What was seen, but of what is off on its own, to be held against a body."""
+
+    residuals: TreeResiduals
+    """Of all that was seen."""
+    noise: TreeNoise
+    """Of it."""
+    values: NDArray
+    """Of the body as it was. Shape (P,)."""
+    kept: NDArray
+    """Scalars that count. Boolean, shape (R,)."""
+    sample: NDArray
+    """Number of each pose. Shape (N,)."""
+
+    @classmethod
+    def of(cls, model: BodyModel, data: BodyDataset) -> "_WhiteRows | None":
+        """Take a recording; None as of `white_poses`."""
+        told = told_by(model, data)
+        kinds = np.array([sensor.kind for sensor in told.sensors])
+        seen = TreeObservations.of(told, np.isin(kinds[told.observations.sensor], SIGHTS))
+        silent = (name for name in model.tree.joints if f"{name} turn" not in model.noise)
+        known = noise_named({**dict.fromkeys(silent, 0.0), **model.noise}, seen)
+        if known is None or min(known.sensor, default=0.0) <= 0.0:
+            return None
+        parameters = TreeParameters(model.tree)
+        residuals, values = TreeResiduals(seen, parameters), parameters.values_of(model.tree)
+        linear = residuals.linear(values)
+        aside = alone_off(TreeErrors(seen, linear.r), usual_by(linear, known, seen))
+        return cls(residuals, known, values, ~aside[seen.row], data.sample)
+
+    @property
+    def row(self) -> NDArray:
+        """Row of the table of each scalar that counts."""
+        return np.asarray(self.residuals.observations.row[self.kept])
+
+    @property
+    def pose(self) -> NDArray:
+        """Pose of each of these."""
+        return np.asarray(self.residuals.observations.data.observations.pose[self.row])
+
+    @property
+    def scale(self) -> NDArray:
+        """One over the noise of each of these."""
+        return 1.0 / self.noise.sensor[self.residuals.observations.noise_group[self.kept]]
+
+    def poses(self, values: NDArray) -> PoseResiduals:
+        """Return poses held against a body, in standard deviations. Shape (P,)."""
+        linear, scale = self.residuals.linear(values), self.scale
+        white = replace(
+            linear,
+            r=linear.r[self.kept] * scale,
+            J=linear.J[:, self.kept] * scale,
+            by_joint=linear.by_joint[self.kept] * scale[:, None] * self.noise.joint,
+        )
+        return _stacked(white, self.pose, self.residuals.parameters.names, self.sample)
+
+    def slips(
+        self, model: BodyModel, poses: PoseResiduals, noise: NoiseMixture, covariance: NDArray,
+        since: int,
+    ) -> SlipSearch:  # fmt: skip
+        """Return the search for slips of any size, of joints that turn."""
+        tree = model.tree
+        turning = (j for j, m in zip(tree.joints, tree.motions, strict=True) if m == REVOLUTE)
+        turns = {f"{joint}.rz": 2.0 * np.pi for joint in turning}
+
+        def at(column: int, change: float) -> NDArray:
+            elsewhere = self.values.copy()
+            elsewhere[column] += change
+            return elsewhere
+
+        def residuals(column: int, change: float, count: int) -> NDArray:
+            r = self.residuals.residuals(at(column, change))[self.kept] * self.scale
+            return -_laid(r, self.pose)[since : since + count]
+
+        def slope(column: int, change: float, count: int) -> NDArray:
+            J = self.residuals.linear(at(column, change)).J[column, self.kept] * self.scale
+            return _laid(J, self.pose)[since : since + count]
+
+        return SlipSearch(poses, noise, covariance, since, turns, residuals, slope)
 
 
 def _stacked(
     linear: TreeLinear, pose: NDArray, names: tuple[str, ...], sample: NDArray
 ) -> PoseResiduals:
     """Lay scalars into the places of their poses, zeros where there are fewer."""
-    poses, of = np.unique(pose, return_inverse=True)
-    order = np.argsort(of, kind="stable")
-    place = np.empty(len(of), dtype=int)
-    count = np.bincount(of)
-    place[order] = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
-    shape = (len(poses), int(count.max()))
-
-    def laid(values: NDArray) -> NDArray:
-        out = np.zeros((*shape, *values.shape[1:]))
-        out[of, place] = values
-        return out
-
-    by_angle = laid(linear.by_joint)
+    by_angle = _laid(linear.by_joint, pose)
     return PoseResiduals(
         "pixels",
         names,
-        laid(-linear.r),
+        _laid(-linear.r, pose),
         by_angle,
         np.zeros_like(by_angle),
-        laid(linear.J.T),
-        laid(np.ones(len(of))) > 0.0,
-        sample[poses],
+        _laid(linear.J.T, pose),
+        _laid(np.ones(len(pose)), pose) > 0.0,
+        sample[np.unique(pose)],
     )
+
+
+def _laid(values: NDArray, pose: NDArray) -> NDArray:
+    """Return values of scalars by their poses. Shapes (R, ...) and (R,) -> (N, K, ...)."""
+    of = np.unique(pose, return_inverse=True)[1]
+    order, count = np.argsort(of, kind="stable"), np.bincount(of)
+    place = np.empty(len(of), dtype=int)
+    place[order] = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
+    out = np.zeros((len(count), int(count.max()), *values.shape[1:]))
+    out[of, place] = values
+    return out

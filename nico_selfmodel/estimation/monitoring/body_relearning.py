@@ -97,7 +97,9 @@ def relearn_body(model: BodyModel, data: BodyDataset, report: HealthReport) -> B
     told = told_by(model, since)
     unseen = _unseen(told) & {name.rpartition(".")[0] for name in cause.names}
     names = (name for name in cause.names if name.rpartition(".")[0] not in unseen)
-    anew = learn_anew(model, model.tree, told, frozenset(names))
+    # What else changed would be taken for noise, were that estimated anew.
+    noise = noise_named(model.noise, TreeObservations.of(told))
+    anew = learn_anew(model, model.tree, told, frozenset(names), noise=noise)
     after, before = anew.body(model), errors_of(model.tree, since)
     after = replace(after, tree=_carried_along(model.tree, after.tree, unseen))
     against, seconds = body_contradictions(after, since), time.perf_counter() - clock

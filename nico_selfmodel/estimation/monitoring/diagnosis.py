@@ -26,6 +26,10 @@ _ALIKE = 5e-3
 the model leaves out, which is no chance."""
 
 
+_THE_SAME = 1e-6
+"""Share by which statistics of one change under two names differ: that of rounding."""
+
+
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
     """One thing that may have changed."""
@@ -104,6 +108,12 @@ def ranked(diagnoses: Iterable[Diagnosis]) -> tuple[Diagnosis, ...]:
     penalty = max(PENALTY, _ALIKE * max(d.statistic for d in found))
     scored = (replace(d, score=d.statistic - d.dof * penalty) for d in found)
     return tuple(sorted(scored, key=lambda d: -d.score))
+
+
+def alike_to(one: Diagnosis, other: Diagnosis) -> bool:
+    """Return whether two explanations of as many parameters are the same to all that was seen."""
+    near = abs(one.statistic - other.statistic) < _THE_SAME * max(one.statistic, 1.0)
+    return one.dof == other.dof and bool(near)
 
 
 def hypotheses(model: SelfModel, names: tuple[str, ...]) -> tuple[Hypothesis, ...]:

@@ -4,7 +4,8 @@ The noise that a training left (`training_noise`) says how likely each new pose 
 and had it changed (`monitored_changes`); the ratios add up to the statistic of Shiryaev and Roberts
 (`monitor`), whose rate of false alarms is theory. No single pose raises the alarm: that is how a
 false detection looks. Poses here and there that contradict raise none either; a body with more of
-them than false detections explain does not pass (`contradictions`).
+them than false detections explain does not pass (`contradictions`), nor one from which all are off
+by more than louder noise explains, by whatever no change that is looked for does (`misfit`).
 """
 
 from collections.abc import Sequence
@@ -21,7 +22,8 @@ from nico_selfmodel.estimation.monitoring.diagnosis import (
     hypotheses,
     ranked_causes,
 )
-from nico_selfmodel.estimation.monitoring.encoder_jumps import with_large_slips
+from nico_selfmodel.estimation.monitoring.encoder_jumps import slips_of_arm
+from nico_selfmodel.estimation.monitoring.misfit import Misfit
 from nico_selfmodel.estimation.monitoring.monitor import THRESHOLD, Monitor, chance_of_false_alarm
 from nico_selfmodel.estimation.monitoring.monitored_changes import (
     MonitoredChanges,
@@ -63,11 +65,14 @@ class HealthReport:
     """What was expected to disturb the poses."""
     contradictions: Contradictions
     """Which poses are further off than that noise explains."""
+    misfit: Misfit
+    """What all others together are off by."""
 
     @property
     def healthy(self) -> bool:
-        """Whether no alarm was raised, and no more poses contradict than are to be expected."""
-        return self.alarm_at is None and not self.contradictions.too_many
+        """Whether nothing changed, by alarm, by poses that contradict, or by what all are off."""
+        against = self.contradictions.too_many or self.misfit.too_large
+        return self.alarm_at is None and not against
 
     @property
     def false_alarm_chance(self) -> float:
@@ -109,7 +114,8 @@ def check_health(model: SelfModel, dataset: Dataset, sensor: str = "auto") -> He
     since, found = report.changed_at, report.diagnoses
     if since is None:
         return report
-    return replace(report, diagnoses=with_large_slips(model, dataset, sensor, noise, since, found))
+    slips = slips_of_arm(model, dataset, sensor, noise, since)
+    return replace(report, diagnoses=slips.ranked(found))
 
 
 def watched(
@@ -134,6 +140,7 @@ def watched(
         Whether it fits, and since when not and why.
     """
     density = MixtureDensity(poses, noise, covariance)
+    changes = changes.with_plain_sizes(density, poses.slopes)
     steps = changes.steps(density, poses.residuals, poses.slopes)
     monitor, course = Monitor.of(changes.weights), np.zeros(len(poses))
     alarm_at, since, found = None, None, ()
@@ -146,8 +153,9 @@ def watched(
             break
     nis = density.nis(poses.residuals)
     against = Contradictions.of(poses, density, share)
+    misfit = Misfit.of(poses.select(~against.found), noise, covariance)
     return HealthReport(
-        poses.sample, nis, poses.dof, course, alarm_at, since, found, noise, against
+        poses.sample, nis, poses.dof, course, alarm_at, since, found, noise, against, misfit
     )
 
 

@@ -32,6 +32,11 @@ WEIGHTS = {"jump": 0.6, "point": 0.2, "camera": 0.2, "gear": 0.1, "anything": 0.
 """How likely each kind of change is beforehand, up to a factor."""
 RARER = 1.0 / 3.0
 """How likely the larger size of a change is, against the smaller one."""
+PLAIN, MUCH_PLAINER = 6.0, 2.0
+"""By what a change moves a pose, in standard deviations (rms), that louder noise seldom does (where
+it made squares 1.5 times as large, a third of 24 recordings raised an alarm with 4, none with 6),
+and how many times as much the sizes above must do, for one that does just that to be looked for as
+well."""
 LARGEST_STEP = 6.0
 """Most that one pose adds to the logarithm of a likelihood ratio."""
 
@@ -48,6 +53,26 @@ class MonitoredChanges:
     def __len__(self) -> int:
         """Return how many changes there are."""
         return len(self.weights)
+
+    def with_plain_sizes(self, density: MixtureDensity, slopes: NDArray) -> "MonitoredChanges":
+        """Return the same with smaller changes of a robot whose noise hides less.
+
+        A change h moves a pose by |W h| standard deviations, rms over the poses. Where that is
+        beyond `MUCH_PLAINER` times `PLAIN`, one of `PLAIN` is as likely as it beforehand.
+
+        Args:
+            density: Of the poses, what the model is uncertain by included.
+            slopes: Derivatives of the prediction by all parameters. Shape (N, K, P).
+        """
+        white = density.whiten(slopes @ self.basis)[0]
+        moved = np.sqrt(np.mean(np.sum(white**2, axis=1), axis=0))
+        smaller = np.flatnonzero(moved > MUCH_PLAINER * PLAIN)
+        weights = self.weights.copy()
+        weights[smaller] *= 0.5
+        more = self.basis[:, smaller] * (PLAIN / moved[smaller])
+        named = len(moved)
+        order = (weights[:named], weights[smaller], weights[named:])
+        return MonitoredChanges(np.hstack([self.basis, more]), np.concatenate(order))
 
     def steps(self, density: MixtureDensity, residuals: NDArray, slopes: NDArray) -> NDArray:
         """Return what each pose says for each change.

@@ -108,7 +108,10 @@ class MixtureDensity:
         head += 0.5 * (self._dof * np.log(2.0) - np.log(np.pi)) + self._log_scale[1]
         return head - 0.5 * (self._dof + 1.0) * np.log1p(squares)
 
+    def in_noise(self, columns: NDArray) -> NDArray:
+        """Return columns whitened by the second moment of the mixture. Shape (N, K, m)."""
+        return np.asarray(whitening_of(self.total, self._seen) @ columns)
+
     def nis(self, residuals: NDArray) -> NDArray:
         """Return r' S^-1 r with S the second moment of the mixture. Shape (N, K) -> (N,)."""
-        white = whitening_of(self.total, self._seen) @ residuals[:, :, None]
-        return np.sum(white[:, :, 0] ** 2, axis=1)
+        return np.sum(self.in_noise(residuals[:, :, None])[:, :, 0] ** 2, axis=1)

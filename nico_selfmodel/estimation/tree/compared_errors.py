@@ -65,7 +65,8 @@ def alone_off(errors: TreeErrors, usual: NDArray | None) -> NDArray:
     """Return observations that are off on their own, as wrong labels are. Boolean, (N,).
 
     They are further off than noise explains, than most of their pose is, and than most of what was
-    seen of their marker before and after; and they are no more than a training may have of them.
+    seen of their marker before and after; and they are no more than a training may have of them,
+    of all and of what each sensor saw: one that turned away is off in all that it sees.
 
     Args:
         usual: See `usual_errors`; nothing is off where that is not known. Shape (N,).
@@ -79,7 +80,10 @@ def alone_off(errors: TreeErrors, usual: NDArray | None) -> NDArray:
     far, pose, marker = far[told] / usual[told], table.pose[told], table.marker[told]
     about = np.maximum(1.0, np.maximum(_median_of_pose(far, pose), _around(far, pose, marker)))
     off[told] = far > OUTLIER_AT * about
-    return off if outliers_are_many(off) is None else np.zeros_like(off)
+    for own in (np.ones_like(off), *(table.sensor == s for s in np.unique(table.sensor[off]))):
+        if outliers_are_many(off[own]) is not None:
+            off[own] = False
+    return off
 
 
 def _median_of_pose(values: NDArray, pose: NDArray) -> NDArray:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.link_joint import coupling_of
 from nico_selfmodel.dataset.body.of_tree import marker_infos
 from nico_selfmodel.dataset.body.sensors import DISTANCE, POINTS, POSES, SIGHTS, TOUCHES
 from nico_selfmodel.errors import DataError
@@ -25,6 +26,8 @@ from nico_selfmodel.names import listed
 
 _NO_PART = 1e-6
 """Share of what a fold alone tells that is rounding."""
+_SAME_RATIO = 2e-3
+"""Difference of ratios that were rounded."""
 _PLAIN_UNITS = tuple(unit_size(unit) for unit in ("rad", "deg", "m", "mm"))
 """Sizes of units that are no counts: such a body takes counts as the recording states them."""
 _SAME_COUNT = 1e-9
@@ -137,7 +140,8 @@ def told_as(tree: BodyTree, data: BodyDataset) -> BodyDataset:
     """Return a recording with the body's markers, in its order.
 
     Raises:
-        DataError: If it has other joints, or markers or sensors that the body lacks.
+        DataError: If it has other joints, or markers or sensors that the body lacks, or says of
+            something that another link carries it, or that it moves otherwise.
     """
     sensors = {item.name for item in (*tree.sensors, *tree.planes)} | set(tree.contacts)
     sensors |= {s.name for s in data.sensors if s.kind == DISTANCE}
@@ -159,6 +163,7 @@ def told_as(tree: BodyTree, data: BodyDataset) -> BodyDataset:
                 f"data set {data.name!r} has the {kind} {listed(strange or wants)}, the body has "
                 f"{listed(sorted(has))}: both must be of one robot"
             )
+    _refuse_other_structure(tree, data)
     known_mirrors = [mirror.name for mirror in tree.mirrors]
     if unknown := [mirror for mirror in data.mirrors if mirror not in known_mirrors]:
         raise DataError(
@@ -171,6 +176,33 @@ def told_as(tree: BodyTree, data: BodyDataset) -> BodyDataset:
     new = replace(table, marker=moved[table.marker], other=moved[table.other])
     places = {m.name: m.xyz for m in data.markers if m.xyz is not None}
     return replace(data, markers=marker_infos(tree, places), observations=new)
+
+
+def _refuse_other_structure(tree: BodyTree, data: BodyDataset) -> None:
+    """Refuse a recording that says of joints, markers or sensors what the body knows otherwise."""
+    placed = {item.name: tree.link_name(item.on) for item in (*tree.markers, *tree.sensors)}
+    said = [(f"{what} {one.name!r} is", "on", one.on, placed.get(one.name))
+            for what, items in (("marker", data.markers), ("sensor", data.sensors))
+            for one in items]  # fmt: skip
+    for joint, parent, motion in zip(data.joints, tree.parent.tolist(), tree.motions, strict=True):
+        what = f"joint {joint.name!r} is"
+        said.append((what, "carried by", joint.parent, tree.link_name(parent)))
+        said.append((what, "", joint.motion, motion))
+    for what, how, there, known in said:
+        if known is not None and there != known:
+            raise DataError(
+                f"{what} {' '.join(filter(None, (how, there)))} in data set {data.name!r}, "
+                f"{' '.join(filter(None, (how, known)))} in the body: correct dataset.yaml, or "
+                "learn the body anew"
+            )
+    follows = coupling_of(data.joints)
+    other = np.flatnonzero((np.abs(follows - tree.coupling) > _SAME_RATIO).any(axis=1))
+    if len(other):
+        raise DataError(
+            f"joint {data.joint_names[int(other[0])]!r} follows others otherwise in data set "
+            f"{data.name!r} than in the body: correct 'follows' in dataset.yaml, or learn the body "
+            "anew"
+        )
 
 
 def cross_validate_tree(
