@@ -158,10 +158,12 @@ def remedy(parameters: Sequence[str], model: Path, dataset: Path, *, whole: bool
 
 
 def _print(name: str, document: Mapping[str, Any]) -> None:
-    found, against = document["log_ratio"], document["contradicting"]
+    found, against, misfit = (document[key] for key in ("log_ratio", "contradicting", "misfit"))
+    off = [f"{misfit[key]:.2f}" for key in ("per_coordinate", "most")]
     rows = [
         ["innovation squared, a coordinate (about 1)", f"{document['nis_per_coordinate']:.2f}", ""],
         ["poses that contradict", f"{len(against['samples'])}", f"{against['most']}"],
+        ["all others, together", *off],
         ["ln R (Shiryaev, Roberts)", f"{found['largest']:.1f}", f"{found['threshold']:.0f}"],
     ]
     printer.table(f"{name}: {document['poses']} poses", ("", "found", "limit"), rows)
