@@ -11,7 +11,12 @@ from nico_selfmodel.estimation.monitoring.body_health import check_body_health
 from nico_selfmodel.estimation.monitoring.body_relearning import relearn_body
 from nico_selfmodel.estimation.monitoring.health_document import health_document
 from nico_selfmodel.estimation.monitoring.misfit import LOUDER, Misfit
-from nico_selfmodel.estimation.monitoring.monitored_changes import SHIFTS
+from nico_selfmodel.estimation.monitoring.monitored_changes import (
+    ANYTHING,
+    SHIFTS,
+    MonitoredChanges,
+)
+from nico_selfmodel.estimation.noise.mixture_density import MixtureDensity
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_errors import told_as
@@ -133,18 +138,36 @@ def test_what_all_poses_are_off_by_is_bounded_by_louder_noise(louder, fails):
     assert not Misfit(0.0, 0).too_large
 
 
+NOISE = NoiseMixture(1.0, 0.01, 3.0, 0.03, 0.0, 0.005, 60)
+
+
+def seen_poses(residuals, slopes):
+    """Poses of two parameters whose noise is 1 in each of three coordinates."""
+    none, seen = np.zeros((200, 3, 0)), np.ones((200, 3), dtype=bool)
+    return PoseResiduals("points", ("a", "b"), residuals, none, none, slopes, seen, np.arange(200))
+
+
+def test_changes_that_are_plain_to_see_are_looked_for_in_smaller_sizes_too():
+    """Where they move poses by twelve standard deviations or more: then by six."""
+    slopes = np.zeros((200, 3, 2))
+    slopes[:, 0, 0] = slopes[:, 1, 1] = 1.0
+    density = MixtureDensity(seen_poses(np.zeros((200, 3)), slopes), NOISE)
+    sizes, weights = np.diag([11.9, 12.1]), np.array([0.3, 0.5, *[0.2 / ANYTHING] * ANYTHING])
+    found = MonitoredChanges(sizes, weights).with_plain_sizes(density, slopes)
+    assert found.basis == pytest.approx(np.array([[11.9, 0.0, 0.0], [0.0, 12.1, 6.0]]))
+    assert found.weights[:3] == pytest.approx([0.3, 0.25, 0.25])
+    assert found.weights[3:] == pytest.approx(weights[2:])
+
+
 def test_errors_of_the_body_itself_count_once():
     """A body that is hardly known may be off by much, alike in all poses."""
     rng = np.random.default_rng(8)
-    slopes, none = rng.normal(size=(200, 3, 2)), np.zeros((200, 3, 0))
-    off = slopes @ [0.0, 5.0] + rng.normal(size=(200, 3))
-    seen = np.ones((200, 3), dtype=bool)
-    poses = PoseResiduals("points", ("a", "b"), off, none, none, slopes, seen, np.arange(200))
-    noise = NoiseMixture(1.0, 0.01, 3.0, 0.03, 0.0, 0.005, 60)
-    known, vague = (Misfit.of(poses, noise, np.diag([0.01, v])) for v in (1e-6, 25.0))
+    slopes = rng.normal(size=(200, 3, 2))
+    poses = seen_poses(slopes @ [0.0, 5.0] + rng.normal(size=(200, 3)), slopes)
+    known, vague = (Misfit.of(poses, NOISE, np.diag([0.01, v])) for v in (1e-6, 25.0))
     assert known.per_coordinate > 10.0
     assert vague.per_coordinate == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 600))
-    assert Misfit.of(poses.select(slice(0)), noise, np.eye(2)).n == 0
+    assert Misfit.of(poses.select(slice(0)), NOISE, np.eye(2)).n == 0
 
 
 @pytest.mark.parametrize(
