@@ -30,6 +30,7 @@ def test_robots_that_trust_their_mirrors_go_on_where_another_refuses_one(
     monkeypatch.setattr(the_stages, "images_document", lambda _: {"status": "PASS"})
     monkeypatch.setattr(the_stages, "encounters_document", lambda _: {"status": "PASS"})
     monkeypatch.setattr(the_stages, "run_images", lambda *_: None)
+    monkeypatch.setattr(the_stages, "run_turning", lambda *_: None)
     monkeypatch.setattr(the_stages, "know_mirrors", lambda *_: (known, refused))
     placed = MirrorsStage(tuple(placed_at(**off) for _ in known), refused)
     monkeypatch.setattr(the_stages, "place_mirrors", lambda *_: placed)

@@ -201,6 +201,7 @@ def test_a_shape_that_fails_does_not_stop_the_stages_after_it(monkeypatch, sigma
         monkeypatch.setattr(stages, f"{name}_document", lambda _: passed)
     monkeypatch.setattr(stages, "marks_documents", lambda _: [passed])
     steps = {"acquainted": "robots", "run_encounters": "met", "run_images": "told"}
+    steps["run_turning"] = "turned"
     steps |= {"know_mirrors": ("known", ()), "any_beyond": False}
     steps |= {"place_mirrors": "placed", "run_structure": shape, "run_unmarked": "unmarked"}
     steps |= {"run_marks": "marks", "run_touches": "touches"}

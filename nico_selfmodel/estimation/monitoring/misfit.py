@@ -5,7 +5,9 @@ of them by a draw of its covariance C = L L', U = W J L,
 
     M = r' (S + J C J')^-1 r = |W r|^2 - (U' W r)' (I + U' U)^-1 (U' W r)
 
-has the mean n, of n coordinates, whatever of it is the model's.
+has the mean n, of n coordinates, whatever of it is the model's. A model that hardly knows something
+is wrong by more than slopes tell: then the sum pose by pose, r' (S + J C J')^-1 r of each, is less,
+and counts.
 """
 
 from dataclasses import dataclass
@@ -31,7 +33,7 @@ class Misfit:
     """What poses are off by together, in their noise."""
 
     squares: float
-    """M."""
+    """M, or the sum pose by pose where that is less."""
     n: int
     """Coordinates."""
 
@@ -51,7 +53,8 @@ class Misfit:
         U = density.in_noise(poses.slopes @ root_of(covariance)).reshape(len(white), -1)
         along = U.T @ white
         alike = float(along @ np.linalg.solve(np.eye(U.shape[1]) + U.T @ U, along))
-        return cls(max(float(white @ white) - alike, 0.0), n)
+        by_pose = float(MixtureDensity(poses, noise, covariance).nis(poses.residuals).sum())
+        return cls(max(min(float(white @ white) - alike, by_pose), 0.0), n)
 
     @property
     def per_coordinate(self) -> float:
