@@ -60,10 +60,11 @@ def check_body_health(model: BodyModel, data: BodyDataset) -> HealthReport:
     noise, covariance = _with_tail(model), _shown_covariance(model, poses)
     causes = body_causes(model.tree, poses.names)
     report = watched(poses, noise, covariance, body_changes(model.tree, causes), causes, share)
-    since, rows = report.changed_at, _WhiteRows.of(model, data)
-    if since is None or rows is None:
+    if report.changed_at is None:
         return report
-    slips = rows.slips(model, poses, noise, covariance, since)
+    rows = _WhiteRows.of(model, data)
+    assert rows is not None, "poses were made of them"
+    slips = rows.slips(model, poses, noise, covariance, report.changed_at)
     return replace(report, diagnoses=slips.ranked(report.diagnoses))
 
 
