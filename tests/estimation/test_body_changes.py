@@ -7,7 +7,7 @@ import pytest
 
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.monitoring.body_causes import body_causes, body_changes
-from nico_selfmodel.estimation.monitoring.body_health import check_body_health
+from nico_selfmodel.estimation.monitoring.body_health import check_body_health, white_poses
 from nico_selfmodel.estimation.monitoring.body_relearning import relearn_body
 from nico_selfmodel.estimation.monitoring.health_document import health_document
 from nico_selfmodel.estimation.monitoring.misfit import LOUDER, Misfit
@@ -168,6 +168,16 @@ def test_errors_of_the_body_itself_count_once():
     assert known.per_coordinate > 10.0
     assert vague.per_coordinate == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 600))
     assert Misfit.of(poses.select(slice(0)), NOISE, np.eye(2)).n == 0
+
+
+def test_detections_of_a_pose_are_counted_one_by_one(arm):
+    """A detection has three coordinates; of the first pose two markers are left out."""
+    sim, model = arm
+    data = day(sim, 11, poses=20)
+    table = data.observations
+    found = white_poses(model, data.of_rows((table.pose > 0) | (table.marker == 0)))
+    assert found is not None
+    assert found[1].tolist() == [1] + [3] * 19
 
 
 @pytest.mark.parametrize(

@@ -156,8 +156,8 @@ def white_poses(model: BodyModel, data: BodyDataset) -> tuple[PoseResiduals, NDA
     rows = _WhiteRows.of(model, data)
     if rows is None:
         return None
-    pose, row = rows.pose, rows.row
-    detections = np.unique(pose[np.unique(row)], return_counts=True)[1]
+    first = np.unique(rows.row, return_index=True)[1]
+    detections = np.unique(rows.pose[first], return_counts=True)[1]
     return rows.poses(rows.values), detections
 
 
