@@ -59,8 +59,6 @@ def look_while_turning(
 ) -> tuple[TurnedLook, ...]:
     """Let a robot hold its arm before its cameras, and turn torso and neck.
 
-    It comes back after each turn, so that nothing that moved meanwhile counts for the joint.
-
     Args:
         world: What is wrong with its body.
         seed: Which robot.
