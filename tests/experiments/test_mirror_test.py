@@ -361,7 +361,7 @@ def turning(robots, *, wrong=0, untold=0):
     ("robots", "how", "status", "reason"),
     [
         (5, {}, "PASS", "1000 of 1000 cells are told rightly, 200 of 200 of the body"),
-        (4, {}, "NOT_EVALUATED", "4 robots, 5 are needed"),
+        (4, {}, "NOT_EVALUATED", "4 of 5 robots that are needed"),
         (5, {"wrong": 10}, "PASS", "990 of 1000"),
         (5, {"wrong": 11}, "FAIL", "11 of 1000 cells are told wrongly, at most 1% may be"),
         (5, {"untold": 20}, "PASS", "100 of 200 of the body"),

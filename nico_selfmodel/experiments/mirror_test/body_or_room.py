@@ -69,7 +69,7 @@ def turning_document(stage: TurningStage) -> dict[str, Any]:
         f"{torso['body']} of the body"
     )
     few = len(stage.looks) < ENOUGH
-    lacking = f"{len(stage.looks)} robots, {ENOUGH} are needed: {said}" if few else None
+    lacking = f"{len(stage.looks)} of {ENOUGH} robots that are needed: {said}" if few else None
     return stage_document("1c", "body against room", failed, lacking, said, turned=rows)
 
 

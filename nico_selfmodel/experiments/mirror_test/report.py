@@ -154,7 +154,7 @@ def _page(
     shown = (("mark", "A look at a mark"), ("surprise", "A look at the unmarked body"),
              ("structure", "The shape of head and chest"), ("arm", "The shape of forearm and hand"),
              ("contingency", "Whose motion follows one's own"),
-             ("turning", "What turns along with the cameras"))  # fmt: skip
+             ("turning", "Body against room"))  # fmt: skip
     drawn = [
         section(title, Drawing(charts[name], title)) for name, title in shown if name in charts
     ]
