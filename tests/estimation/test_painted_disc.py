@@ -142,6 +142,20 @@ def test_paint_that_bends_about_a_bead_is_known_worse_than_on_a_head():
     assert sigma[1] < 0.15e-3
 
 
+def test_a_disc_that_an_edge_cuts_is_known_by_its_part_on_the_face():
+    plate = Solid("box", (0.02, 0.06, 0.06), np.eye(4))
+    x, way = np.array([0.01, 0.027, 0.0]), np.array([-1.0, 0.0, 0.0])
+    square = []
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        each = [picture([plate], x, way, rng) for _ in range(2)]
+        found, covariance = painted_disc(each, [plate], x - 1e-3 * np.eye(3)[1], 0.03, 0.0)
+        e, C = (found - x)[1:], covariance[1:, 1:]
+        assert np.sqrt(np.diag(C)).max() < 1e-3
+        square.append(float(e @ np.linalg.solve(C, e)) / 2.0)
+    assert np.mean(square) < 2.5
+
+
 @pytest.mark.parametrize(("across", "told"), [(3.0, False), (6.0, True)])
 def test_a_spot_of_too_few_pixels_is_taken_for_half_a_disc_and_known_to_half_its_radius(
     across, told

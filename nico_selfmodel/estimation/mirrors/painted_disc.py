@@ -17,7 +17,8 @@ be thick, taken as half of that, and not known by as much. What an edge hides, w
 outline or falls away from the disc tells nothing: a disc that is seen in part is known as well as
 that part tells. In one picture alone the middle of what is seen would be taken for that of the
 disc. Where the surface turns away within the disc, as about a bead, x is not known by 2 r mean
-(1 - cos) besides, of the angle between the normals at x and around the disc.
+(1 - cos) besides, of the angle between the normals at x and around the disc. Beyond an edge there
+is nothing that could bend: who paints past it paints a part of a disc.
 
 Where nothing tells of a disc, as beside a seam or where a few pixels show, something of it is seen
 at the given place. That lies anywhere in it, r / 2 each way, and is half of it as a rule: of a part
@@ -318,9 +319,9 @@ def _turned_away(solids: Sequence[Solid], x: NDArray, E: NDArray, radius: float)
     """Return how far a surface turns from its normal at a place where a disc ends, mean 1 - cos."""
     turns = 2.0 * np.pi * np.arange(_RING) / _RING
     ring = _onto(solids, x, E, radius * np.stack([np.cos(turns), np.sin(turns)], axis=1), radius)
-    cosines, met = np.zeros(_RING), np.isfinite(ring).all(axis=1)
-    cosines[met] = normals_of_solids(solids, ring[met]) @ np.cross(*E.T)
-    return float(np.mean(1.0 - cosines))
+    met = ring[np.isfinite(ring).all(axis=1)]
+    cosines = normals_of_solids(solids, met) @ np.cross(*E.T)
+    return float(np.mean(1.0 - cosines)) if len(met) else 0.0
 
 
 def _bent(solids: Sequence[Solid], x: NDArray, E: NDArray, flat: NDArray) -> NDArray:
