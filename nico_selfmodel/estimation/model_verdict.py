@@ -40,7 +40,8 @@ _IN_TEN, _OFTEN = 0.1, 0.25
 _OF_ANOTHER = 20.0
 """Times the expected error from which on a body cannot have changed by so much."""
 _WHOSE = (
-    "do data and model belong to one robot, with rows, joints and units as they were in training?"
+    "do data and model belong to one robot, with rows, joints and units as they were in training? "
+    "`nico-selfmodel monitor` says which readings were taken wrongly, if it is that"
 )
 
 

@@ -71,7 +71,10 @@ def test_data_of_another_robot_are_asked_whose_they_are(refined):
     model, data = refined
     seen = data.pixels[::-1]
     (reason,) = judged(model, replace(data, pixels=seen)).reasons
-    assert reason.endswith("with rows, joints and units as they were in training?")
+    assert "with rows, joints and units as they were in training?" in reason
+    assert reason.endswith(
+        "`nico-selfmodel monitor` says which readings were taken wrongly, if it is that"
+    )
 
 
 @pytest.mark.parametrize(("times", "said"), [(21.0, "one robot"), (19.0, "something moved")])

@@ -11,7 +11,8 @@ from nico_selfmodel.dataset.body.sensors import SIGHTS
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.monitoring.body_causes import body_causes, body_changes
 from nico_selfmodel.estimation.monitoring.encoder_jumps import SlipSearch
-from nico_selfmodel.estimation.monitoring.health import HealthReport, watched
+from nico_selfmodel.estimation.monitoring.health import HealthReport, innovations, watched
+from nico_selfmodel.estimation.monitoring.misread import ReadPoses, some_of
 from nico_selfmodel.estimation.noise.contradictions import (
     LEAST_SHARE,
     Contradictions,
@@ -60,12 +61,27 @@ def check_body_health(model: BodyModel, data: BodyDataset) -> HealthReport:
     noise, covariance = _with_tail(model), _shown_covariance(model, poses)
     causes = body_causes(model.tree, poses.names)
     report = watched(poses, noise, covariance, body_changes(model.tree, causes), causes, share)
-    if report.changed_at is None:
+    report = report.beside(_read_poses(model, data, report, covariance))
+    if report.changed_at is None or not report.diagnoses:
         return report
     rows = _WhiteRows.of(model, data)
     assert rows is not None, "poses were made of them"
     slips = rows.slips(model, poses, noise, covariance, report.changed_at)
     return replace(report, diagnoses=slips.ranked(report.diagnoses))
+
+
+def _read_poses(
+    model: BodyModel, data: BodyDataset, report: HealthReport, covariance: NDArray
+) -> ReadPoses:
+    since = np.flatnonzero(data.sample == report.sample[report.changed_at or 0])
+    few = some_of(int(since[0]), len(data.sample))
+
+    def off_by(readings: NDArray) -> NDArray:
+        found = white_poses(model, replace(data, readings=readings).select(few))
+        return np.zeros(0) if found is None else innovations(found[0], report.noise, covariance)
+
+    units = tuple(joint.encoder_unit for joint in data.joints)
+    return ReadPoses(data.joint_names, units, data.sample, np.asarray(data.readings), off_by)
 
 
 def _false_share(detections: NDArray) -> float:

@@ -5,7 +5,8 @@ and had it changed (`monitored_changes`); the ratios add up to the statistic of 
 (`monitor`), whose rate of false alarms is theory. No single pose raises the alarm: that is how a
 false detection looks. Poses here and there that contradict raise none either; a body with more of
 them than false detections explain does not pass (`contradictions`), nor one from which all are off
-by more than louder noise explains, by whatever no change that is looked for does (`misfit`).
+by more than louder noise explains, by whatever no change that is looked for does (`misfit`). Where
+the readings were taken wrongly, that is told in place of a change (`misread`).
 """
 
 from collections.abc import Sequence
@@ -24,6 +25,7 @@ from nico_selfmodel.estimation.monitoring.diagnosis import (
 )
 from nico_selfmodel.estimation.monitoring.encoder_jumps import slips_of_arm
 from nico_selfmodel.estimation.monitoring.misfit import Misfit
+from nico_selfmodel.estimation.monitoring.misread import ReadPoses, some_of
 from nico_selfmodel.estimation.monitoring.monitor import THRESHOLD, Monitor, chance_of_false_alarm
 from nico_selfmodel.estimation.monitoring.monitored_changes import (
     MonitoredChanges,
@@ -67,6 +69,9 @@ class HealthReport:
     """Which poses are further off than that noise explains."""
     misfit: Misfit
     """What all others together are off by."""
+    misread: str | None = None
+    """How the readings were taken wrongly, in words; None where they were not, or that is not
+    told."""
 
     @property
     def healthy(self) -> bool:
@@ -88,6 +93,13 @@ class HealthReport:
     def sure(self) -> bool:
         """Whether there were enough poses after the change to tell its cause."""
         return self.changed_at is not None and len(self.nis) - self.changed_at >= ENOUGH
+
+    def beside(self, read: ReadPoses) -> "HealthReport":
+        """Return this report, without causes where readings that were taken wrongly explain it."""
+        if self.healthy:
+            return self
+        words = read.misread(self.sample[self.contradictions.found])
+        return self if words is None else replace(self, misread=words, diagnoses=())
 
 
 @on_one_blas_thread
@@ -111,11 +123,34 @@ def check_health(model: SelfModel, dataset: Dataset, sensor: str = "auto") -> He
     noise = expected_noise(model, poses.sensor, dataset)
     covariance, causes = covariance_of(model, poses.names), hypotheses(model, poses.names)
     report = watched(poses, noise, covariance, monitored_changes(model, poses.names), causes)
+    report = report.beside(_read_poses(model, dataset, sensor, report, covariance))
     since, found = report.changed_at, report.diagnoses
-    if since is None:
+    if since is None or not found:
         return report
     slips = slips_of_arm(model, dataset, sensor, noise, since)
     return replace(report, diagnoses=slips.ranked(found))
+
+
+def _read_poses(
+    model: SelfModel, dataset: Dataset, sensor: str, report: HealthReport, covariance: NDArray
+) -> ReadPoses:
+    numbers, first, row = np.unique(dataset.sample, return_index=True, return_inverse=True)
+    since = int(np.searchsorted(numbers, report.sample[report.changed_at or 0]))
+    few = some_of(since, len(numbers))
+
+    def off_by(readings: NDArray) -> NDArray:
+        mended = replace(dataset, encoders=readings[row]).select(few[row])
+        poses = PoseResiduals.of(hand_observations_of(model, mended, sensor))
+        return innovations(poses, report.noise, covariance)
+
+    units = tuple(joint.encoder_unit for joint in dataset.joints)
+    return ReadPoses(dataset.joint_names, units, numbers, dataset.encoders[first], off_by)
+
+
+def innovations(poses: PoseResiduals, noise: NoiseMixture, covariance: NDArray) -> NDArray:
+    """Return the squared innovation a coordinate of each pose that shows something. Shape (K,)."""
+    nis = MixtureDensity(poses, noise, covariance).nis(poses.residuals)
+    return np.asarray(nis[poses.dof > 0] / poses.dof[poses.dof > 0])
 
 
 def watched(

@@ -53,7 +53,9 @@ def _reasons(report: HealthReport, left: str | None) -> list[str]:
         f"{report.noise.poses} poses that it was learned from, at most {100.0 * chance:.2g} % of "
         "such recordings raise a false alarm"
     ]
-    if report.alarm_at is not None and report.changed_at is not None:
+    if report.misread is not None:
+        reasons = [report.misread]
+    elif report.alarm_at is not None and report.changed_at is not None:
         best = report.diagnoses[0]
         when = (
             f"something changed at sample {int(report.sample[report.changed_at])}, seen at sample "

@@ -1,0 +1,106 @@
+"""Readings that a recording has wrongly, told by a body that is known: mended, its poses fit.
+
+A recording of another unit, of columns that are exchanged, or paired with the readings of another
+moment looks like a body that changed altogether. No joint is to blame then: of the ways in which
+readings are usually taken wrongly, that one is told with which the poses are off by noise again.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.errors import SelfModelError
+from nico_selfmodel.estimation.diagnosis.mistaken_units import OTHER_UNIT
+from nico_selfmodel.estimation.diagnosis.suspected_readings import LateReadings
+from nico_selfmodel.estimation.observations.outlier_words import stuck_encoder
+
+ENOUGH = 16
+"""Poses by which readings that are mended are judged."""
+_GROSS, _FITS = 25.0, 4.0
+"""Squared innovation of a coordinate, of the middle pose, from which on readings may be wrong, and
+up to which mended ones are right: noise may have become twice as loud."""
+_SHIFTS = (-1, 1, -2, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class ReadPoses:
+    """What was read at the poses of a recording, and how far off a body says that they are."""
+
+    joints: Sequence[str]
+    """Names, n of them."""
+    units: Sequence[str]
+    """In which each is said to be read."""
+    sample: NDArray
+    """Number of each pose. Shape (P,)."""
+    readings: NDArray
+    """As they were read; nan of a joint that is not. Shape (P, n)."""
+    off_by: Callable[[NDArray], NDArray]
+    """Squared innovations a coordinate of a few poses, had all been read so: (P, n) -> (K,)."""
+
+    def misread(self, against: NDArray) -> str | None:
+        """Say how the readings are wrong; None where they are not, or nothing tried mends them.
+
+        Args:
+            against: Numbers of the poses that contradict the body. Shape (Q,).
+        """
+        if not self._middle(self.readings) > _GROSS:
+            return None
+        tried = [(self._middle(mended), words) for words, mended in self._ways()]
+        least, words = min(tried, default=(np.inf, ""))
+        if least <= _FITS:
+            return f"{words}; then the poses fit"
+        return self._stuck(against)
+
+    def _middle(self, readings: NDArray) -> float:
+        """Return how far off the middle pose is; inf where the body cannot be asked."""
+        try:
+            return float(np.median(self.off_by(readings)))
+        except SelfModelError:
+            return np.inf
+
+    def _ways(self) -> Iterator[tuple[str, NDArray]]:
+        """Yield what may be wrong with the readings, and these mended."""
+        for shift in _SHIFTS:
+            yield str(LateReadings((), shift)), np.roll(self.readings, -shift, axis=0)
+        read = np.flatnonzero(np.isfinite(self.readings).any(axis=0)).tolist()
+        yield from self._other_units(read)
+        for i in read:
+            words = f"the readings of {self.joints[i]} have the other sign than in training"
+            yield words, self._times([i], -1.0)
+        for i, j in combinations(read, 2):
+            if self.units[i] == self.units[j]:
+                words = f"the readings of {self.joints[i]} and {self.joints[j]} are exchanged"
+                order = np.arange(len(self.joints))
+                order[[i, j]] = j, i
+                yield words, self.readings[:, order]
+
+    def _other_units(self, read: Sequence[int]) -> Iterator[tuple[str, NDArray]]:
+        for unit, (other, factor) in OTHER_UNIT.items():
+            own = [i for i in read if self.units[i] == unit]
+            for some in ([i] for i in own):
+                words = f"{self.joints[some[0]]} is read in {other}, not in {unit} as stated"
+                yield f"{words}: correct encoder_unit", self._times(some, factor)
+            if len(own) > 1:
+                words = f"joints are read in {other}, not in {unit} as stated"
+                yield f"{words}: correct encoder_unit", self._times(own, factor)
+
+    def _times(self, joints: Sequence[int], factor: float) -> NDArray:
+        mended = self.readings.copy()
+        mended[:, joints] *= factor
+        return mended
+
+    def _stuck(self, against: NDArray) -> str | None:
+        """Say which encoder stands still in the poses that contradict, if one does."""
+        off = np.isin(self.sample, against)
+        words = stuck_encoder(self.joints, self.units, self.readings, self.sample, off)
+        return f"{len(against)} poses contradict the body, {words}" if words else None
+
+
+def some_of(first: int, count: int) -> NDArray:
+    """Return a few of so many poses, from the first on, far apart. Boolean, shape (count,)."""
+    chosen = np.zeros(count, dtype=bool)
+    chosen[np.unique(np.linspace(first, count - 1, ENOUGH).astype(int))] = True
+    return chosen
