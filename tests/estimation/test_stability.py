@@ -161,3 +161,21 @@ def test_backlash_in_sweeps_is_no_jump(seed):
     train, _ = random_recording("backlash", seed, fresh=1).dataset.split(0.3, 1)
     result = calibrate_kinematics(train, explain=False)
     assert result.change is None or not result.change.notable
+
+
+def swung(truth, count=60):
+    """Return joints that swing at frequencies of their own. Shape (count, n)."""
+    rng, n = np.random.default_rng(5), len(truth.servos.gear)
+    t, size = np.linspace(0.0, 1.0, count)[:, None], rng.uniform(0.6, 1.2, n)
+    return size * np.sin(2.0 * np.pi * (rng.uniform(2.0, 6.0, n) * t + rng.uniform(size=n)))
+
+
+@pytest.mark.parametrize("seed", slow_rest(range(4)))
+def test_no_bend_hides_an_encoder_that_leads_all_others(make_truth, seed):
+    truth = make_truth(6, seed)
+    q = swung(truth)
+    ahead = q.copy()
+    ahead[:-1, 2] += 0.15 * np.diff(q[:, 2])
+    data = truth.dataset(q, sigma=SIGMA, seed=seed)
+    words = reason(replace(data, encoders=truth.servos.to_encoder(ahead)))
+    assert "the readings of 'joint_2' lead what was seen by about 0.1" in words

@@ -186,6 +186,7 @@ def calibrate_kinematics(
         trim = loss != "none"
         asked = effects if not contradicted else None  # no bend shall explain a wrong value
         ladder = climb(BendingArm(task.sample, solved, up, pins.names, trim, seed), asked)
+        ladder = _beside_time(task, solved, ladder)
         solved, sums = _on_all(task, ladder, trim)
         unseen = cross_validate_arm(task.observations, solved, sums)
     doubts = _Doubts.of(task, solved)
@@ -248,6 +249,19 @@ def _refined(
     )
     held = Held(pins, _nominal_values(task.nominal, pins), gears)
     return refine_named(task.sample, parameters, held, best.robust, task.sigma, loss)
+
+
+def _beside_time(task: KinematicTask, rigid: ArmSolution, ladder: Ladder) -> Ladder:
+    """Return a ladder that keeps nothing where time explains more than all that stayed on it.
+
+    In poses that follow each other a coupling or sag takes part of what a late encoder misses by,
+    or one that jumped, and leaves a rest that tells neither.
+    """
+    if not ladder.adopted:
+        return ladder
+    doubts = _Doubts.of(task, rigid)
+    told = [one for one in (doubts.lag, doubts.change) if one is not None and one.explains]
+    return Ladder((), rigid) if any(one.ratio > ladder.gain for one in told) else ladder
 
 
 def _on_all(task: KinematicTask, ladder: Ladder, trim: bool) -> tuple[ArmSolution, PoseSums | None]:

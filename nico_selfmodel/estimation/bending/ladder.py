@@ -53,6 +53,11 @@ class Ladder:
         return tuple(step.effect for step in self.steps if step.kept)
 
     @property
+    def gain(self) -> float:
+        """Times that unseen poses are met better with what stayed; 1 where nothing did."""
+        return self.unseen[0] / self.unseen[1] if self.kept else 1.0
+
+    @property
     def doubtful_gears(self) -> tuple[DoubtfulGear, ...]:
         """The gear that contradicts its unit most, if one does."""
         return tuple(step.gear for step in self.steps if step.gear is not None)[:1]
