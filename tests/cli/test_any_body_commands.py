@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -363,6 +364,24 @@ def test_predictions_of_a_body_name_the_frame_that_they_are_in(tmp_path, command
     done = command(*words, "--frame", "nobody")
     assert done.returncode == 2
     assert "no sensor 'nobody'; there are tracker" in done.stderr
+
+
+@pytest.mark.parametrize(("moved_mm", "name"), [(0.0, "tracker"), (5.0, "world")])
+def test_places_bear_the_name_of_a_tracker_only_while_it_is_where_the_body_begins(
+    tmp_path, command, moved_mm, name
+):
+    tree = one_arm(2).tree
+    pose = np.eye(4) + 1e-3 * moved_mm * np.eye(4, k=3)
+    tree = replace(tree, sensors=(replace(tree.sensors[0], X_LA=pose),))
+    body = BodyModel("arm", tree, np.ones(5), provenance={"world": "tracker"})
+    save_body(body, tmp_path / "body.yaml")
+    words = ("predict", tmp_path / "body.yaml", "--encoders", "0,0.1,0,0,0", "--json")
+    (told,), (seen,) = (
+        json.loads(command(*words, *frame).stdout)["markers"]
+        for frame in ((), ("--frame", "tracker"))
+    )
+    assert (told["frame"], seen["frame"]) == (name, "tracker")
+    assert told["x_m"] - seen["x_m"] == pytest.approx(1e-3 * moved_mm, abs=1e-9)
 
 
 def test_an_arm_with_encoders_is_no_hand_eye(folder, tmp_path, command):
