@@ -294,6 +294,7 @@ def test_a_wrong_observation_is_refused_with_its_line(folder, tmp_path, command,
     ("words", "reason"),
     [
         (("--prior", "camera2.x"), "--prior must be NAME=MEAN,SIGMA"),
+        (("--prior", "camera2.x=1,1,2"), "--prior must be NAME=MEAN,SIGMA, got camera2.x=1,1,2"),
         (("--prior", "camera2.x=1,0"), "sigma must be positive"),
         (("--prior", "camera2.x=1,1", "--prior", "camera2.x=2,1"), "camera2.x is given twice"),
         (("--fix", "camera2.x=1", "--prior", "camera2.x=1,1"), "fixed and given a prior"),
