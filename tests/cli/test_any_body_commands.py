@@ -19,6 +19,7 @@ from nico_selfmodel.model.self_model_file import save_model
 from nico_selfmodel.model.tree.body_model import BodyModel, load_body, save_body
 
 from ..estimation.simulated_trees import one_arm
+from ..estimation.test_one_problem import flange_dataset, hand_eye_poses
 from .one_line import assert_one_clear_line
 
 
@@ -383,6 +384,17 @@ def test_places_bear_the_name_of_a_tracker_only_while_it_is_where_the_body_begin
     )
     assert (told["frame"], seen["frame"]) == (name, "tracker")
     assert told["x_m"] - seen["x_m"] == pytest.approx(1e-3 * moved_mm, abs=1e-9)
+
+
+def test_a_warning_is_told_once_before_the_error_that_follows(tmp_path, command):
+    _, _, F, M = hand_eye_poses(np.random.default_rng(4), 1)
+    save_body_dataset(flange_dataset(*np.repeat([F, M], 25, axis=1)), tmp_path / "same")
+    words = ("calibrate", "hand-eye", tmp_path / "same", "--out", tmp_path / "out")
+    done = command(*words, "--test-fraction", 0.2)
+    assert done.returncode == 2
+    warning, error = (line for line in done.stderr.splitlines() if not line.endswith(": done"))
+    assert "warning: 24 of 25 observations are of one pose and the same" in warning
+    assert "cannot split 1 poses" in error
 
 
 def test_an_arm_with_encoders_is_no_hand_eye(folder, tmp_path, command):
