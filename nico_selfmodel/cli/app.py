@@ -44,8 +44,8 @@ def _group(text: str, commands: Commands, *, completion: bool = False) -> typer.
 
 def run() -> None:
     """Run the command line; an error is one clear line and exit code 2."""
-    warnings.showwarning = _show_warning
-    _let_drake_warn_in_one_line()
+    warnings.showwarning = tell = _Warnings()
+    _let_drake_warn_in_one_line(tell)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a name may hold what a terminal cannot show
             stream.reconfigure(errors="backslashreplace")
@@ -126,19 +126,39 @@ def _harmless(text: str) -> str:
     return f"{plain[:half]} ... {plain[-half:]}"
 
 
+class _Warnings:
+    """Shows what is valid but doubtful in one line, each text once."""
+
+    def __init__(self) -> None:
+        """Begin with nothing told."""
+        self._told = set[str]()
+
+    def __call__(self, message: Warning | str, *_: object, **__: object) -> None:
+        """Show a warning, as `warnings.showwarning` does."""
+        text = _harmless(str(message))
+        if text not in self._told:
+            self._told.add(text)
+            print(f"nico-selfmodel: warning: {text}", file=sys.stderr)
+
+
 class _OneLine(logging.Handler):
     """Shows what Drake has to say as a warning of ours."""
+
+    def __init__(self, tell: _Warnings) -> None:
+        """Tell it by what tells ours."""
+        super().__init__()
+        self._tell = tell
 
     def emit(self, record: logging.LogRecord) -> None:
         # A page that asks for a picture of a moment ago is told so by Meshcat, and asks again.
         if record.levelno >= logging.WARNING and "Unknown CAS key" not in record.getMessage():
-            _show_warning(record.getMessage())
+            self._tell(record.getMessage())
 
 
-def _let_drake_warn_in_one_line() -> None:
+def _let_drake_warn_in_one_line(tell: _Warnings) -> None:
     drake = logging.getLogger("drake")
     drake.propagate = False
-    drake.handlers = [_OneLine()]
+    drake.handlers = [_OneLine(tell)]
 
 
 def _usage(error: Exception) -> int:
@@ -194,7 +214,3 @@ def _one_line(error: Exception) -> str:
             "for; check units, and the self-model if it was edited"
         )
     return str(error).strip() or type(error).__name__
-
-
-def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
-    print(f"nico-selfmodel: warning: {_harmless(str(message))}", file=sys.stderr)

@@ -85,7 +85,8 @@ def predict(
     an arm that of what was measured; each is that of one coordinate, rms
     of the three. Places are in the frame that the output names: of an arm that of its tracker or
     left camera, of a whole body where it begins, which with --robot is the description's root;
-    --frame SENSOR tells them as that sensor sees them.
+    --frame SENSOR tells them as that sensor sees them, which is another frame once the sensor has
+    moved and was learned anew (monitor --relearn).
     """
     from nico_selfmodel.model.tree.body_model import is_body
 
@@ -160,7 +161,7 @@ def _of_body(
     found = predict_body(body, readings, approach, frame)
     turns = rotation_vectors_of(found.R_FM)
     images = found.pixels | {f"{c}_in_{m}": uv for (c, m), uv in found.reflected.items()}
-    told_in = frame or str(body.provenance.get("world", "world"))
+    told_in = frame or body.world
     return [
         {
             "pose": k,

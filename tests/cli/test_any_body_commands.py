@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from nico_selfmodel.model.self_model_file import save_model
 from nico_selfmodel.model.tree.body_model import BodyModel, load_body, save_body
 
 from ..estimation.simulated_trees import one_arm
+from ..estimation.test_one_problem import flange_dataset, hand_eye_poses
 from .one_line import assert_one_clear_line
 
 
@@ -293,6 +295,7 @@ def test_a_wrong_observation_is_refused_with_its_line(folder, tmp_path, command,
     ("words", "reason"),
     [
         (("--prior", "camera2.x"), "--prior must be NAME=MEAN,SIGMA"),
+        (("--prior", "camera2.x=1,1,2"), "--prior must be NAME=MEAN,SIGMA, got camera2.x=1,1,2"),
         (("--prior", "camera2.x=1,0"), "sigma must be positive"),
         (("--prior", "camera2.x=1,1", "--prior", "camera2.x=2,1"), "camera2.x is given twice"),
         (("--fix", "camera2.x=1", "--prior", "camera2.x=1,1"), "fixed and given a prior"),
@@ -363,6 +366,35 @@ def test_predictions_of_a_body_name_the_frame_that_they_are_in(tmp_path, command
     done = command(*words, "--frame", "nobody")
     assert done.returncode == 2
     assert "no sensor 'nobody'; there are tracker" in done.stderr
+
+
+@pytest.mark.parametrize(("moved_mm", "name"), [(0.0, "tracker"), (5.0, "world")])
+def test_places_bear_the_name_of_a_tracker_only_while_it_is_where_the_body_begins(
+    tmp_path, command, moved_mm, name
+):
+    tree = one_arm(2).tree
+    pose = np.eye(4) + 1e-3 * moved_mm * np.eye(4, k=3)
+    tree = replace(tree, sensors=(replace(tree.sensors[0], X_LA=pose),))
+    body = BodyModel("arm", tree, np.ones(5), provenance={"world": "tracker"})
+    save_body(body, tmp_path / "body.yaml")
+    words = ("predict", tmp_path / "body.yaml", "--encoders", "0,0.1,0,0,0", "--json")
+    (told,), (seen,) = (
+        json.loads(command(*words, *frame).stdout)["markers"]
+        for frame in ((), ("--frame", "tracker"))
+    )
+    assert (told["frame"], seen["frame"]) == (name, "tracker")
+    assert told["x_m"] - seen["x_m"] == pytest.approx(1e-3 * moved_mm, abs=1e-9)
+
+
+def test_a_warning_is_told_once_before_the_error_that_follows(tmp_path, command):
+    _, _, F, M = hand_eye_poses(np.random.default_rng(4), 1)
+    save_body_dataset(flange_dataset(*np.repeat([F, M], 25, axis=1)), tmp_path / "same")
+    words = ("calibrate", "hand-eye", tmp_path / "same", "--out", tmp_path / "out")
+    done = command(*words, "--test-fraction", 0.2)
+    assert done.returncode == 2
+    warning, error = (line for line in done.stderr.splitlines() if not line.endswith(": done"))
+    assert "warning: 24 of 25 observations are of one pose and the same" in warning
+    assert "cannot split 1 poses" in error
 
 
 def test_an_arm_with_encoders_is_no_hand_eye(folder, tmp_path, command):

@@ -10,6 +10,7 @@ from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+from nico_selfmodel.estimation.cameras.lenses.lens_choice import lens_of
 from nico_selfmodel.estimation.cameras.lenses.lens_misfit import lens_misfits
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.model.cameras.camera import Camera
@@ -203,3 +204,21 @@ def test_a_term_that_folds_the_image_and_is_known_fails():
     verdict = judge(CameraAssessment.from_calibration(found))
     assert verdict.status == "FAIL"
     assert "not monotone" in " ".join(verdict.reasons)
+
+
+def test_pictures_of_another_zoom_are_asked_for_where_the_boards_have_chosen_the_lens():
+    found = calibrate_cameras(seen_by(fisheye(230.0), 0))
+    for by_boards, advice in (
+        (False, "let the boards choose with --lens auto"),
+        (True, "--lens auto found no better lens: look for pictures of another zoom or focus"),
+    ):
+        verdict = judge(CameraAssessment.from_calibration(found, lens_by_boards=by_boards))
+        (said,) = [words for words in verdict.reasons if "bends light" in words]
+        assert advice in said
+        assert ("another zoom" in said) == by_boards
+
+
+def test_a_lens_that_the_boards_chose_is_known_to_be_their_choice():
+    views = seen_by(brown(500.0), 3, count=8, near=0.3, far=0.6, aside=0.35)
+    for lens in ("auto", "polynomial"):
+        assert lens_of(views, CameraOptions(lens=lens)).by_boards == (lens == "auto")

@@ -16,6 +16,7 @@ from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore,
 from nico_selfmodel.estimation.tree.contradictions.wrong_readings import poses_off
 from nico_selfmodel.estimation.tree.known.lens_parts import (
     FOCAL,
+    SIZE,
     LensPart,
     lens_findings,
     wrong_parts,
@@ -98,6 +99,14 @@ def test_a_lens_fails_by_a_thirtieth_of_what_its_camera_saw(value, said, share, 
     part = LensPart("left", "cx", share * 1000, value, 1.0, 1000)
     found = lens_findings([part], {"left": LENS}, 0.0)
     assert [one.severity for one in found] == [severity] * said
+
+
+def test_a_number_of_a_lens_that_two_causes_would_move_is_to_be_freed_once():
+    moved = {"fy": 30.0, SIZE: 0.1}
+    parts = [LensPart("left", part, 1000, by, 1e-3, 1000) for part, by in moved.items()]
+    (found,) = lens_findings(parts, {"left": LENS}, 0.0)
+    freed = "`--free left.fy --free left.fx --free left.cx --free left.cy` learns them"
+    assert found.text.endswith(freed)
 
 
 @pytest.mark.slow

@@ -83,6 +83,13 @@ def test_without_held_out_data_nothing_is_evaluated_but_cross_validated(train, g
     assert "nothing was held out" in required.reasons[0]
 
 
+def test_a_bound_in_pixels_on_held_out_poses_without_any_says_that_there_are_none(good):
+    verdict = judge(good, require_test_px=3.0)
+    assert verdict.status == "FAIL"
+    (said,) = verdict.reasons
+    assert said == "--require-test-px was given, but what was held out has no pixels"
+
+
 def test_a_bound_is_met_or_missed_with_both_numbers(good):
     mean = 1e3 * good.test.statistics.mean
     assert judge(good, require_test_mm=1.01 * mean).status == "PASS"

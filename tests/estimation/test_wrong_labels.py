@@ -7,6 +7,7 @@ import pytest
 
 from nico_selfmodel.dataset.body.sensors import CAMERA, MarkerInfo
 from nico_selfmodel.errors import ModelError
+from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.model_verdict import judge_body_errors
 from nico_selfmodel.estimation.monitoring.body_health import body_contradictions, check_body_health
 from nico_selfmodel.estimation.monitoring.body_relearning import relearn_body
@@ -170,3 +171,38 @@ def test_a_marker_that_was_seen_only_by_mistake_spoils_no_noise():
     # Both had come back and been set aside by turns, as its place was told by nothing or by them.
     assert set(np.flatnonzero(found.solution.outliers)) == set(wrong)
     assert [found.noise[f"camera{k}"] for k in (1, 2)] == pytest.approx([0.3, 0.3], rel=0.1)
+
+
+@pytest.fixture(scope="module")
+def seen_once():
+    """Training and held-out poses that show one marker each, few and many of these spoilt."""
+    made = one_arm(4, joints=3, poses=120)
+    split = np.arange(120) % 3 == 0
+    return made.data.select(~split), made.data.select(split)
+
+
+def beside(data, poses):
+    """Return a recording of which some poses are seen 80 mm beside where they are."""
+    values = data.observations.values.copy()
+    values[np.isin(data.observations.pose, poses), 0] += 0.08
+    return replace(data, observations=replace(data.observations, values=values))
+
+
+def test_held_out_detections_that_no_noise_explains_are_told_and_the_mean_without_them(seen_once):
+    train, test = seen_once
+    verdict = judge(calibrate_tree(train, test=beside(test, [7]), effects=()))
+    assert verdict.status == "PASS"
+    said = verdict.reasons[0]
+    assert "mm mean error on 40 poses that were held out, 39 of 40 observations" in said
+    assert f"off, which no noise explains (sample {test.sample[7]})" in said
+    without, with_it = (float(words.split()[-2]) for words in (said.split(" mean")[0], said[:-8]))
+    assert without < 1.8 < 0.95 * 80.0 / 40 < with_it
+    bound = judge(calibrate_tree(train, test=beside(test, [7]), effects=()), require_test_mm=1.8)
+    assert "mean held-out error" in bound.reasons[0]
+
+
+def test_held_out_detections_that_are_off_far_more_often_than_in_training_are_a_failure(seen_once):
+    train, test = seen_once
+    verdict = judge(calibrate_tree(train, test=beside(test, np.arange(1, 40, 5)), effects=()))
+    assert verdict.status == "FAIL"
+    assert "in 8 of 40 poses, against 0 of 80 training poses" in verdict.reasons[0]

@@ -82,6 +82,7 @@ class CameraTask:
             *(calibration, choice.options, test, known, choice.better, choice.rival),
             decentred=choice.decentred,
             left_out=choice.left_out,
+            lens_by_boards=choice.by_boards,
         )
         progress("learning the cameras", 2, 2)
         model = assessment.calibration.self_model(name, found.provenance)

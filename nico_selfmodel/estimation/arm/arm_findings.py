@@ -20,11 +20,12 @@ from nico_selfmodel.estimation.diagnosis.systematic_residuals import FAR, MUCH, 
 from nico_selfmodel.estimation.noise.hand_noise import LARGEST_JOINT_NOISE, LARGEST_NOISE
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import (
-    chance_of_more,
     describe_outliers,
     equal_readings,
     exchanged_names,
     foreign_markers,
+    held_out_apart,
+    more_held_out_outliers,
 )
 from nico_selfmodel.estimation.results.calibration_result import (
     CAUSE,
@@ -36,7 +37,6 @@ from nico_selfmodel.estimation.results.calibration_result import (
     Finding,
     findings,
 )
-from nico_selfmodel.estimation.results.verdict import outliers_are_many
 from nico_selfmodel.model.arm.dh_parameters import DhParameters, slopes_by_angle
 
 _PATTERNED_NOISE = 0.02
@@ -47,10 +47,6 @@ _NOTABLE_RATIO = 3.0
 """Scatter above this many stated sigmas is more than the sensor's."""
 _LONELY_NOISE = 0.005
 """Residuals above this share of the workspace may be those of a wrong minimum."""
-_RARE = 1.0 / 2000.0
-"""Chance of a held-out share of outliers beyond which it is no accident ..."""
-_RARE_OF_MANY = 0.01
-"""... and of one that is large: the training may have as many, and be told so itself."""
 _PATTERNS_SHOWN = 3
 WHAT_CHANGED = (
     "the training poses do not cover where the arm is used, or something moved between recordings"
@@ -179,11 +175,8 @@ def _held_out_words(calibration: KinematicCalibration, test: Evaluation) -> str:
     if calibration.patterns:
         without = f"{_rounded(good)} mm without them"
         return f"{_rounded(mean)} mm mean error on {where}; {far}, {without}"
-    return (
-        f"{_rounded(good)} mm mean error on {where}, {len(wrong) - wrong.sum()} of {len(wrong)} "
-        f"points; what is left is up to {worst:.3g} mm off, which no noise explains ({which}): "
-        f"{mean:.2f} mm with it"
-    )
+    good_words, with_all = f"{_rounded(good)} mm", f"{mean:.2f} mm"
+    return held_out_apart(good_words, where, which, wrong, "points", f"{worst:.3g} mm", with_all)
 
 
 def _rounded(mm: float) -> str:
@@ -377,15 +370,13 @@ def _held_out_outlier_reason(calibration: KinematicCalibration) -> str | None:
     test = calibration.test
     if test is None or not test.outliers.any():
         return None
-    found, n = _count_poses(test.observations, test.outliers)
-    before, m = _count_poses(calibration.train.observations, calibration.outliers)
-    rare = _RARE if outliers_are_many(test.outliers) is None else _RARE_OF_MANY
-    if chance_of_more(found, n, before, m) > rare:
-        return None
-    return (
-        f"{test.outliers.sum()} of {len(test.outliers)} held-out points are further off than model "
-        f"and noise explain ({describe_outliers(test.observations, test.outliers)}), in {found} of "
-        f"{n} poses, against {before} of {m} training poses: {WHAT_CHANGED}"
+    return more_held_out_outliers(
+        test.outliers,
+        "points",
+        describe_outliers(test.observations, test.outliers),
+        _count_poses(test.observations, test.outliers),
+        _count_poses(calibration.train.observations, calibration.outliers),
+        WHAT_CHANGED,
     )
 
 

@@ -61,6 +61,8 @@ class CameraAssessment:
     """Cameras whose boards ask for p1 and p2; those of all cameras were let move then."""
     beyond_reach: tuple[str, ...] = ()
     """Held-out boards beyond the reach of every lens that saw them; not in `test_views`."""
+    lens_by_boards: bool = False
+    """Whether the boards chose the lens: `--lens auto`."""
 
     @classmethod
     def from_calibration(
@@ -73,6 +75,7 @@ class CameraAssessment:
         rival_lens: str | None = None,
         decentred: tuple[str, ...] = (),
         left_out: NDArray | None = None,
+        lens_by_boards: bool = False,
     ) -> "CameraAssessment":
         """Cross-validate, and hold against other views where given.
 
@@ -83,6 +86,7 @@ class CameraAssessment:
             rival_lens: `LensChoice.rival`.
             decentred: `LensChoice.decentred`.
             left_out: `LensChoice.left_out`, which is taken where no board was an outlier.
+            lens_by_boards: `LensChoice.by_boards`.
 
         Raises:
             DataError, EstimationError, ModelError: If the known cameras cannot have seen them.
@@ -112,6 +116,7 @@ class CameraAssessment:
             None if known is None else KnownCameras.on(known, shown, test is not None),
             decentred,
             beyond,
+            lens_by_boards,
         )
 
     def lens_of(self, camera: str) -> str:
@@ -123,6 +128,10 @@ class CameraAssessment:
         """The lenses of the cameras, as `--lens` takes them."""
         lenses = {name: self.lens_of(name) for name in self.calibration.views.cameras}
         return lens_word(lenses)
+
+    def words_of(self, misfit: LensMisfit) -> str:
+        """Say what a lens does that its model does not, and what may cure it."""
+        return _words_of_misfit(misfit, self.lens_of(misfit.camera), self.lens_by_boards)
 
     @property
     def pair(self) -> PairAccuracy | None:
@@ -153,7 +162,7 @@ class CameraAssessment:
             *_weak_parameters(self.calibration),
             *_told_together(self.calibration),
             *_coverage_warnings(self.calibration),
-            *(words_of_misfit(m, self.lens_of(m.camera)) for m in self.misfits if _is_slight(m)),
+            *(self.words_of(misfit) for misfit in self.misfits if _is_slight(misfit)),
             *([] if scale is None else [scale]),
         )
 
@@ -241,8 +250,7 @@ def _is_slight(misfit: LensMisfit) -> bool:
     return is_notable(misfit) and not fails_the_lens(misfit)
 
 
-def words_of_misfit(misfit: LensMisfit, lens: str) -> str:
-    """Say what a lens does that its model does not, and what may cure it."""
+def _words_of_misfit(misfit: LensMisfit, lens: str, by_boards: bool) -> str:
     share = round(100 * misfit.share)
     words = (
         f"the lens of the {misfit.camera} camera bends light as its model does not: corners lie "
@@ -250,6 +258,11 @@ def words_of_misfit(misfit: LensMisfit, lens: str) -> str:
     )
     if misfit.held:
         return f"{words}; let {' and '.join(f'`{name}`' for name in misfit.held)} move"
+    if by_boards:
+        return (
+            f"{words}, and --lens auto found no better lens: look for pictures of another zoom or "
+            "focus, and a board that is not flat"
+        )
     if lens != POLYNOMIAL:
         return f"{words}; --lens auto takes the best of the lenses there are"
     return (

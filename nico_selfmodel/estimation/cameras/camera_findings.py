@@ -16,7 +16,6 @@ from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibratio
 from nico_selfmodel.estimation.cameras.camera_assessment import (
     CameraAssessment,
     fails_the_lens,
-    words_of_misfit,
 )
 from nico_selfmodel.estimation.cameras.lenses.lens_folds import folds_by_chance, folds_of
 from nico_selfmodel.estimation.results.calibration_result import (
@@ -48,11 +47,7 @@ def camera_findings(assessment: CameraAssessment) -> tuple[Finding, ...]:
     """Return what speaks for and against cameras beyond what every calibration is asked."""
     far, judged = _far_out(assessment)
     failures = [
-        *(
-            words_of_misfit(m, assessment.lens_of(m.camera))
-            for m in assessment.misfits
-            if fails_the_lens(m)
-        ),
+        *(assessment.words_of(m) for m in assessment.misfits if fails_the_lens(m)),
         _better_lens(assessment),
         _beyond_reach(assessment),
         far,
@@ -94,10 +89,11 @@ def _beyond_reach(assessment: CameraAssessment) -> str | None:
     if not assessment.beyond_reach:
         return None
     boards, many = assessment.beyond_reach, len(assessment.beyond_reach) > 1
+    or_else = "" if assessment.lens_by_boards else ", or let the boards choose with --lens auto"
     return (
         f"held-out {'boards' if many else 'board'} {listed(boards)} {'lie' if many else 'lies'} "
-        f"where the learned {assessment.lens} lens has ended: learn from boards that reach as far, "
-        "or let the boards choose with --lens auto"
+        f"where the learned {assessment.lens} lens has ended: learn from boards that reach as far"
+        f"{or_else}"
     )
 
 
@@ -201,8 +197,8 @@ def _worst_reason(assessment: CameraAssessment) -> str | None:
         if worst[view] > max(_WORST_PX, _WORST * sigma):
             return (
                 f"a corner of {kind}board {names[view]} lies {worst[view]:.1f} px off, typical are "
-                f"{sigma:.2f}: is it a plain chessboard (no ChArUco board), flat and sharp, and "
-                "the lens no other (--lens auto)?"
+                f"{sigma:.2f}: is it a plain chessboard (no ChArUco board), flat and sharp"
+                f"{'' if assessment.lens_by_boards else ', and the lens no other (--lens auto)'}?"
             )
     return None
 

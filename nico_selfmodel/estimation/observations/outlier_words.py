@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.estimation.results.verdict import outliers_are_many
 
 _SHOWN = 6
 """Samples that are listed by number."""
@@ -22,6 +23,10 @@ _NEARER = 2.0
 _FEWEST_EXCHANGED, _MOST_MENDED = 3, 0.5
 """Samples with two names exchanged, and share of the outliers of the two that are so, from which on
 it is no accident."""
+_RARE = 1.0 / 2000.0
+"""Chance of a held-out share of outliers beyond which it is no accident ..."""
+_RARE_OF_MANY = 0.01
+"""... and of one that is large: the training may have as many, and be told so itself."""
 EXCHANGED_CURE = "correct the labels, or what tells the two apart"
 """What to do where two markers' names are exchanged."""
 
@@ -161,6 +166,56 @@ def exchanged_names(
             f"{EXCHANGED_CURE}"
         )
     return found
+
+
+def held_out_apart(
+    mean: str, where: str, which: str, outliers: NDArray, things: str, worst: str, with_all: str
+) -> str:
+    """State a held-out error without what no noise explains, and with it.
+
+    Args:
+        mean: Without, with its unit.
+        where: "18 poses that were held out".
+        which: Samples of the outliers.
+        outliers: Of all that was held out. Boolean, shape (N,).
+        things: What these are: "points".
+        worst: How far off outliers are.
+        with_all: The mean with them.
+    """
+    kept = int(np.sum(~outliers))
+    return (
+        f"{mean} mean error on {where}, {kept} of {len(outliers)} {things}; what is left is up to "
+        f"{worst} off, which no noise explains ({which}): {with_all} with it"
+    )
+
+
+def more_held_out_outliers(
+    outliers: NDArray,
+    things: str,
+    which: str,
+    poses: tuple[int, int],
+    before: tuple[int, int],
+    cause: str,
+) -> str | None:
+    """Say when held-out poses have outliers far more often than training poses.
+
+    Args:
+        outliers: Of all that was held out. Boolean, shape (N,).
+        things: What these are: "points".
+        which: Samples of the outliers.
+        poses: How many held-out poses have an outlier, and how many there are.
+        before: The same of the training.
+        cause: What it may come of.
+    """
+    (found, n), (had, m) = poses, before
+    rare = _RARE if outliers_are_many(outliers) is None else _RARE_OF_MANY
+    if not found or chance_of_more(found, n, had, m) > rare:
+        return None
+    return (
+        f"{outliers.sum()} of {len(outliers)} held-out {things} are further off than model and "
+        f"noise explain ({which}), in {found} of {n} poses, against {had} of {m} training poses: "
+        f"{cause}"
+    )
 
 
 def chance_of_more(found: int, n: int, before: int, m: int) -> float:

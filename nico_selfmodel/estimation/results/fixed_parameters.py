@@ -96,7 +96,7 @@ def priors_of(words: Sequence[str]) -> dict[str, tuple[float, float]]:
     for word in words:
         name, equals, numbers = word.partition("=")
         mean, comma, sigma = numbers.partition(",")
-        if not (equals and comma):
+        if not (equals and comma) or "," in sigma:
             raise ValueError(f"--prior must be NAME=MEAN,SIGMA, got {word}")
         where = f"--prior {word}"
         known = _told(name, mean, where), number_of_word(sigma, where)

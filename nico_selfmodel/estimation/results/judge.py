@@ -14,6 +14,8 @@ from nico_selfmodel.estimation.results.verdict import Verdict, held_out_is_worse
 
 _UNOBSERVABLE_SHOWN = 3
 """Unobservable directions among the reasons; the result lists them all."""
+_LACKING = {"mm": "no places, and no touches or distances", "px": "no pixels"}
+"""What was held out that no bound in this unit can be held against."""
 
 
 def verdict_on(
@@ -114,9 +116,11 @@ def _bound_reason(result: CalibrationResult, bound: float | None, unit: str) -> 
     """Say when a held-out error misses a bound that the user gave."""
     if bound is None:
         return None
-    statistics = None if result.test is None else result.test.statistics(unit)
-    if statistics is None:
+    if result.test is None:
         return f"--require-test-{unit} was given but nothing was held out"
+    statistics = result.test.statistics(unit)
+    if statistics is None:
+        return f"--require-test-{unit} was given, but what was held out has {_LACKING[unit]}"
     which = result.terms.bounded
     error = getattr(statistics, which) * (1e3 if unit == "mm" else 1.0)
     if error <= bound:

@@ -64,13 +64,29 @@ def usual_by(linear: TreeLinear, noise: TreeNoise, seen: TreeObservations) -> ND
 def alone_off(errors: TreeErrors, usual: NDArray | None) -> NDArray:
     """Return observations that are off on their own, as wrong labels are. Boolean, (N,).
 
-    They are further off than noise explains, than most of their pose is, and than most of what was
-    seen of their marker before and after; and they are no more than a training may have of them,
-    of all and of what each sensor saw: one that turned away is off in all that it sees.
+    They are `unexplained`, and further off than most of their pose is.
 
     Args:
         usual: See `usual_errors`; nothing is off where that is not known. Shape (N,).
     """
+    return _off(errors, usual, on_its_own=True)
+
+
+def unexplained(errors: TreeErrors, usual: NDArray | None) -> NDArray:
+    """Return observations that no noise explains, on their own or with their pose. Boolean, (N,).
+
+    They are further off than noise explains, and than most of what was seen of their marker before
+    and after; and they are no more than a training may have of them, of all and of what each sensor
+    saw: one that turned away is off in all that it sees.
+
+    Args:
+        usual: See `usual_errors`; nothing is off where that is not known. Shape (N,).
+    """
+    return _off(errors, usual, on_its_own=False)
+
+
+def _off(errors: TreeErrors, usual: NDArray | None, on_its_own: bool) -> NDArray:
+    """Return what is `unexplained`, of its pose alone if asked for that."""
     table = errors.observations.data.observations
     off = np.zeros(len(table), dtype=bool)
     if usual is None:
@@ -78,7 +94,9 @@ def alone_off(errors: TreeErrors, usual: NDArray | None) -> NDArray:
     far = errors.by_row()
     told = np.flatnonzero(np.isfinite(far))
     far, pose, marker = far[told] / usual[told], table.pose[told], table.marker[told]
-    about = np.maximum(1.0, np.maximum(_median_of_pose(far, pose), _around(far, pose, marker)))
+    about = np.maximum(1.0, _around(far, pose, marker))
+    if on_its_own:
+        about = np.maximum(about, _median_of_pose(far, pose))
     off[told] = far > OUTLIER_AT * about
     for own in (np.ones_like(off), *(table.sensor == s for s in np.unique(table.sensor[off]))):
         if outliers_are_many(off[own]) is not None:

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
-from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, FIRST_SIGMA, SIGHTS
+from nico_selfmodel.dataset.body.sensors import DISTANCE, FIRST_SIGMA, SIGHTS
 from nico_selfmodel.estimation.bending.what_bends import (
     bending_faults,
     bending_warnings,
@@ -24,10 +24,11 @@ from nico_selfmodel.estimation.results.calibration_result import (
     Finding,
     findings,
 )
-from nico_selfmodel.estimation.tree.compared_errors import alone_off
 from nico_selfmodel.estimation.tree.contradictions.contradiction_words import (
     contradiction_findings,
     described_size,
+    held_out_reason,
+    held_out_words,
     misdescribed_words,
     missed_touches,
     size_words,
@@ -52,7 +53,6 @@ from nico_selfmodel.estimation.tree.timing.moved_meanwhile import moved_meanwhil
 from nico_selfmodel.estimation.tree.timing.off_at_once import sensors_off_at_once
 from nico_selfmodel.estimation.tree.timing.patterned_errors import patterned_findings
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
-from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.estimation.tree.tree_observations import ENOUGH_TOUCHES, TURN_NOISE
 from nico_selfmodel.estimation.tree.tree_setup import DESCRIBED
 from nico_selfmodel.model.tree.body_tree import REVOLUTE
@@ -82,7 +82,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     rigid = ladder.kept and not ladder.adopted  # is told what it would gain
     asked = asked and not (gears or rigid or (change is not None and change.explains))
     patterned = patterned_findings(bend.problem, bend.solution) if asked else []
-    said = [] if test is None else [_held_out_words(calibration, test)]
+    said = [] if test is None else [held_out_words(calibration, test)]
     said += size_words(calibration)
     if calibration.setup.scale_from == DESCRIBED and calibration.by_description is None:
         said.append("scale: the robot's description alone tells it, one 1 % too large makes all so")
@@ -124,7 +124,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
         *findings(FAILURE, [size and size.reason, *_contradicted_description(calibration)]),
         *findings(FAILURE, bent_reasons(calibration.flatness)),
         *findings(FAILURE, [*bending_faults(ladder), *gear_words(gears)]),
-        *findings(LAST, missed_touches(calibration)),
+        *findings(LAST, [*missed_touches(calibration), held_out_reason(calibration)]),
         *findings(WARNING, [*bending_warnings(ladder, calibration.at), *doubts]),
         *findings(NOTE, said),
     )
@@ -345,23 +345,3 @@ def _sights_off(data: BodyDataset, outliers: NDArray) -> tuple[list[str], NDArra
         for pose, sensor, mirror in sights[off].tolist()
     ]
     return words, off[number]
-
-
-def _held_out_words(calibration: TreeCalibration, test: TreeErrors) -> str:
-    """State the held-out errors."""
-    poses = len(np.unique(test.observations.pose))
-    said = f"{_mean_errors(test)} mean error on {poses} poses that were held out"
-    off = alone_off(test, calibration.usual_test)
-    if not off.any():
-        return said
-    return (
-        f"{said}, {_mean_errors(test, ~off)} without {off.sum()} of {len(off)} observations that "
-        "contradict the rest of their poses and markers: check their labels"
-    )
-
-
-def _mean_errors(test: TreeErrors, keep: NDArray | None = None) -> str:
-    pixels, points = (test.of_kind(*k, keep=keep) for k in ((CAMERA,), test.in_space))
-    parts = [f"{1e3 * points.mean():.3g} mm"] if len(points) else []
-    parts += [f"{pixels.mean():.3g} px"] if len(pixels) else []
-    return " and ".join(parts)

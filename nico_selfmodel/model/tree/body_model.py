@@ -80,6 +80,17 @@ class BodyModel:
             raise ValueError(f"limits must be numbers of shape (2, {n}), got {np.shape(limits)}")
 
     @property
+    def world(self) -> str:
+        """Name of the frame in which places are told: what stood for the world in learning.
+
+        A sensor that has a pose of its own by now, for it was moved and learned anew, lends it its
+        name no more: the world stayed where it was.
+        """
+        name = str(self.provenance.get("world", WORLD_NAME))
+        posed = [s.name for s in self.tree.sensors if np.any(np.eye(4) != s.X_LA)]
+        return WORLD_NAME if name in posed else name
+
+    @property
     def reach(self) -> NDArray:
         """Least and largest displacement of each joint [rad or m]. Shape (2, n)."""
         return np.sort(self.limits * self.si_per_unit / self.tree.gear, axis=0)

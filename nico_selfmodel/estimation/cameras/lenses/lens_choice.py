@@ -84,6 +84,8 @@ class LensChoice:
     """Cameras whose boards ask for p1 and p2; those of all cameras were let move then."""
     left_out: NDArray | None = None
     """What boards leave that were left out, where that was asked: `cross_validate_cameras`."""
+    by_boards: bool = False
+    """Whether the boards chose it: `AUTO`."""
 
     @property
     def lens(self) -> str:
@@ -112,6 +114,11 @@ def lens_of(views: BoardViews, options: CameraOptions) -> LensChoice:
     views = _told(views.placeable(), options)
     if options.lens != AUTO:
         return _compared(views, options)
+    return replace(_chosen_by_boards(views, options), by_boards=True)
+
+
+def _chosen_by_boards(views: BoardViews, options: CameraOptions) -> LensChoice:
+    """Return the lens that boards tell, with p1 and p2 where they gain by these."""
     choice = _best_of(views, options)
     decentred = _decentred(views, options, choice)
     if not decentred:

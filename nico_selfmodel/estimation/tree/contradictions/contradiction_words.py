@@ -1,13 +1,22 @@
 """What is said where a recording contradicts what it is said to be."""
 
+from collections.abc import Callable
+
 import numpy as np
+from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE
-from nico_selfmodel.dataset.body.sensors import CONTACT, PLANE, POSES
+from nico_selfmodel.dataset.body.sensors import CAMERA, CONTACT, PLANE, POSES
 from nico_selfmodel.estimation.diagnosis.nominal_check import RobotSize, compare_sizes
 from nico_selfmodel.estimation.noise.contradictions import LEAST_SHARE, WHERE_TO_LOOK
-from nico_selfmodel.estimation.observations.outlier_words import name_samples, stuck_encoder
+from nico_selfmodel.estimation.observations.outlier_words import (
+    held_out_apart,
+    more_held_out_outliers,
+    name_samples,
+    stuck_encoder,
+)
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE, LAST, Finding
+from nico_selfmodel.estimation.tree.compared_errors import unexplained
 from nico_selfmodel.estimation.tree.contradictions.held_scores import (
     severity_of,
     size_of,
@@ -28,6 +37,7 @@ from nico_selfmodel.estimation.tree.contradictions.wrong_readings import (
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.known.lens_parts import lens_findings
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
+from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_setup import KNOWN_PLACES
 from nico_selfmodel.model.tree.body_tree import PRISMATIC, REVOLUTE, WORLD
@@ -252,3 +262,68 @@ def size_words(calibration: TreeCalibration) -> list[str]:
         for name, score in calibration.held.items()
         if name in rests and score.sigma[0] > _NOTABLE
     ]
+
+
+def held_out_words(calibration: TreeCalibration, test: TreeErrors) -> str:
+    """State the held-out errors; where no noise explains some of them, without these and with."""
+    where = f"{len(np.unique(test.observations.pose))} poses that were held out"
+    with_all, off = _sizes(test), _unexplained(test, calibration.usual_test)
+    if not off.any():
+        return f"{with_all} mean error on {where}"
+    return held_out_apart(
+        _sizes(test, ~off),
+        where,
+        _samples_of(test, off),
+        off[np.isfinite(test.by_row())],
+        "observations",
+        _sizes(test, off, np.max),
+        with_all,
+    )
+
+
+def held_out_reason(calibration: TreeCalibration) -> str | None:
+    """Say when held-out poses contradict the body far more often than training poses do."""
+    test, train = calibration.test, calibration.train
+    if test is None:
+        return None
+    off = _unexplained(test, calibration.usual_test)
+    before = calibration.solution.outliers | _unexplained(train, calibration.usual)
+    return more_held_out_outliers(
+        off[np.isfinite(test.by_row())],
+        "observations",
+        _samples_of(test, off) if off.any() else "",
+        _count_poses(test, off),
+        _count_poses(train, before),
+        "something changed between the recordings, or was detected or read wrongly more often",
+    )
+
+
+def _unexplained(errors: TreeErrors, usual: NDArray | None) -> NDArray:
+    """Return which of the errors that are stated no noise explains. Boolean, shape (N,)."""
+    data = errors.observations.data
+    kind = np.array([sensor.kind for sensor in data.sensors])[data.observations.sensor]
+    return unexplained(errors, usual) & np.isin(kind, (CAMERA, *errors.in_space))
+
+
+def _samples_of(errors: TreeErrors, rows: NDArray) -> str:
+    """Name the samples of some rows of the table. Boolean, shape (N,)."""
+    data = errors.observations.data
+    pose = data.observations.pose[rows]
+    return name_samples(np.unique(data.sample[pose[pose != ANY_POSE]]))
+
+
+def _count_poses(errors: TreeErrors, rows: NDArray) -> tuple[int, int]:
+    """Return how many poses some rows of the table are of, and how many there are."""
+    own, every = errors.observations.data.observations.pose[rows], errors.observations.pose
+    found, there = (np.unique(pose[pose != ANY_POSE]) for pose in (own, every))
+    return len(found), len(there)
+
+
+def _sizes(
+    test: TreeErrors, keep: NDArray | None = None, of: Callable[[NDArray], float] = np.mean
+) -> str:
+    """Return the mean of the errors, or another number of them, in space and in the images."""
+    pixels, points = (test.of_kind(*k, keep=keep) for k in ((CAMERA,), test.in_space))
+    parts = [f"{1e3 * of(points):.3g} mm"] if len(points) else []
+    parts += [f"{of(pixels):.3g} px"] if len(pixels) else []
+    return " and ".join(parts)

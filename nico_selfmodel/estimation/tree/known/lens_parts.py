@@ -149,7 +149,8 @@ def lens_findings(
         return []
     wishes = [" or ".join(_wish(p, lenses[p.camera]) for p in (one, *one.others)) for one in parts]
     unsure = any(one.others for one in parts)
-    freed = " ".join(f"--free {name}" for one in parts for name in one.parts)
+    names = dict.fromkeys(name for one in parts for name in one.parts)
+    freed = " ".join(f"--free {name}" for name in names)
     bent = any(one.part == "k1" for one in parts)
     cause = "a lens told without its distortion, or with another's" if bent else "correct it"
     if len(parts) > _MOST or (len(parts) > 1 and not bent):
