@@ -10,6 +10,7 @@ import pytest
 from nico_selfmodel.dataset.body.body_dataset import ObservationTable
 from nico_selfmodel.estimation.diagnosis.changes_in_time import NOTABLE, Change
 from nico_selfmodel.estimation.diagnosis.jump_taken_for_noise import jump_taken_for_noise
+from nico_selfmodel.estimation.diagnosis.score_sums import ScoreSums
 from nico_selfmodel.estimation.judging import judge, result_of
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE
 from nico_selfmodel.estimation.tree import tree_findings
@@ -19,6 +20,7 @@ from nico_selfmodel.estimation.tree.timing.moved_meanwhile import LEAST_RATIO, m
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_of
 from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.optimization.chi_square import chi_square_tail
 
 from ..slow_rest import slow_rest
 from .simulated_trees import observed, one_arm
@@ -120,6 +122,43 @@ def test_a_target_that_is_turned_in_its_place_is_named():
 def test_a_target_that_stood_still_is_not_said_to_have_moved(seed):
     found = calibrate_tree(target_of(seed)).ladder.solution
     assert moved_meanwhile(found.problem, found.solution) is None
+
+
+def bumped(seed, poses, part=1.0):
+    """A camera that is moved by 6.4 mm and 1.3 deg, or a part of that, in the middle."""
+    _, _, flanges, seen = hand_eye_poses(np.random.default_rng(seed), poses)
+    by = transform(rotation_from_vector(part * np.array([0.02, 0.01, 0.0])), [0.005, 0.0, 0.004])
+    by[:3, 3] *= part
+    return flange_dataset(flanges, np.concatenate([seen[: poses // 2], by @ seen[poses // 2 :]]))
+
+
+@pytest.mark.parametrize("poses", slow_rest([12, 14, 16, 19, 11], 2))
+def test_a_camera_that_moved_is_named_by_a_dozen_poses_of_a_flange(poses):
+    """It had been a PASS, and predictions were off by a centimetre."""
+    verdict = judge(calibrate_tree(bumped(5, poses)))
+    assert verdict.status == "FAIL"
+    assert re.match(r"\w+ '\w+' moved by about \S+ mm and \S+ deg after", verdict.reasons[0])
+
+
+@pytest.mark.parametrize("poses", slow_rest(list(range(8, 20)), 2))
+def test_nothing_moves_in_a_few_sound_poses_of_a_flange(poses):
+    for seed in range(60, 65):
+        found = calibrate_tree(target_of(seed, poses=poses)).ladder.solution
+        assert moved_meanwhile(found.problem, found.solution) is None
+
+
+def test_chance_counts_few_degrees_of_freedom():
+    """Of as much of the squares of noise by three more columns, as often as it is drawn."""
+    rng, n, k = np.random.default_rng(4), 14, 3
+    r = rng.normal(size=(200_000, n))
+    share = np.sum(r[:, :k] ** 2, axis=1) / np.sum(r**2, axis=1)
+    for asked in (0.3, 0.5, 0.7):
+        told = ScoreSums.chance(
+            SimpleNamespace(dof=n), SimpleNamespace(statistic=n * asked), [0] * k
+        )
+        assert told == pytest.approx(np.mean(share > asked), rel=0.1)
+    many = ScoreSums.chance(SimpleNamespace(dof=1e6), SimpleNamespace(statistic=44.0), [0] * 6)
+    assert many == pytest.approx(chi_square_tail(44.0, 6), rel=0.01)
 
 
 def test_few_poses_are_not_asked():

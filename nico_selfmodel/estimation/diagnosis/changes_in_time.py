@@ -2,7 +2,8 @@
 
 For a change of a group of parameters after a pose, the score test with all parameters as nuisance
 (Andrews 1993): with sums over the poses before it, T = sum J'S^-1 r and H = sum J'S^-1 J,
-T_g' [(H_t - H_t H^-1 H_t)_gg]^-1 T_g is chi square of the group's size where nothing changed.
+T_g' [(H_t - H_t H^-1 H_t)_gg]^-1 T_g is chi square of the group's size where nothing changed; few
+degrees of freedom tell the variance, too (`ScoreSums.chance`).
 A marker that was knocked, an encoder that jumped, a tracker that drifted all show.
 """
 
@@ -22,7 +23,6 @@ from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.geometry.rotation import slope_together
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
-from nico_selfmodel.optimization.chi_square import chi_square_tail
 
 LARGEST_CHANCE = 1e-7
 """Of a change where there was none; some hundred samples and ten groups are tried."""
@@ -140,7 +140,7 @@ def likeliest_change(
     if not candidates:
         return None
     best = max(candidates, key=lambda one: one.found.statistic - _SIMPLER * len(one.columns))
-    chance = chi_square_tail(best.found.statistic, len(best.columns))
+    chance = sums.chance(best.found, best.columns)
     # What joint noise took for its own explains much, though its scores are small.
     most = max(candidates, key=lambda one: one.ratio)
     by_ratio = sums.chance_of(most.ratio, most.columns) * len(candidates)

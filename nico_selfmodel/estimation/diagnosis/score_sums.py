@@ -10,8 +10,9 @@ from nico_selfmodel.estimation.noise.arm_solution import ArmSolution, Linearised
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.pose_noise import PoseWhitening
 from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.optimization.chi_square import chi_square_tail
 
-_MARGIN = 4
+MARGIN = 4
 """Visits that lie before and after any change, of those that tell of it."""
 _CLIPPED = 2.5
 """Whitened residuals of a visit, or an observation, count up to this rms: a single outlier is no
@@ -72,6 +73,8 @@ class ScoreSums:
     """What priors add to the scores of the free parameters. Shape (k,)."""
     variance: float
     """Of one whitened residual, what the free parameters could take taken off."""
+    dof: float
+    """Degrees of freedom that tell the variance: numbers beyond the free parameters."""
     last: NDArray
     """Last sample of each span. Shape (spans,)."""
     by_row: bool = False
@@ -123,10 +126,12 @@ class ScoreSums:
         rest = float(np.sum(w**2) - 2.0 * score @ step + step @ told @ step)
         # What a prior holds takes nothing from the residuals.
         taken = float(np.sum(inverse * told))
-        variance = max(rest / max(left.residuals.size - taken, 1.0), np.finfo(float).tiny)
+        dof = max(left.residuals.size - taken, 1.0)
+        variance = max(rest / dof, np.finfo(float).tiny)
         ends = last[np.append(starts[1:], len(last)) - 1]
         span = span_of[left.visit]
-        return cls(left, span, free, s, plain, h, inverse, pull, variance, ends, single is not None)
+        told_by = variance, dof
+        return cls(left, span, free, s, plain, h, inverse, pull, *told_by, ends, single is not None)
 
     def step(self, columns: list[int]) -> CourseFound | None:
         """Return the best sudden change of some parameters."""
@@ -135,7 +140,7 @@ class ScoreSums:
         T, M = self._efficient(s, cross, own)
         # A few wrong sights of what was hardly seen before are no change of it.
         told = np.cumsum(parts[2].any(axis=(1, 2)))
-        inside = (told > _MARGIN) & (told[-1] - told >= _MARGIN)
+        inside = (told > MARGIN) & (told[-1] - told >= MARGIN)
         gains = np.full(len(T), -np.inf)
         gains[inside] = _quadratic(M[inside], T[inside])
         at = int(np.argmax(gains))
@@ -227,6 +232,17 @@ class ScoreSums:
         """Return the mean residual when the free parameters take a step and something changed."""
         left = self.left.residuals - np.tensordot(self._free_columns, taken, 1) - changed
         return float(np.linalg.norm(left[rows], axis=1).mean())
+
+    def chance(self, found: CourseFound, columns: list[int]) -> float:
+        """Return how often noise alone makes the scores ask for as large a change.
+
+        The change's own part of the squares R^2 = statistic / dof told the variance, too: of n
+        degrees of freedom, -(n - k / 2 - 1) log(1 - R^2) is chi square of the k columns (Bartlett
+        1938; exact of two). Of many degrees of freedom it is the statistic.
+        """
+        k = len(columns)
+        share = min(found.statistic / self.dof, 1.0 - np.finfo(float).eps)
+        return chi_square_tail(-(self.dof - 0.5 * k - 1.0) * float(np.log1p(-share)), k)
 
     def chance_of(self, ratio: float, columns: list[int]) -> float:
         """Return how often noise of poses makes residuals fall by a ratio after some sample.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE
-from nico_selfmodel.dataset.body.sensors import SIGHTS
+from nico_selfmodel.dataset.body.sensors import POSES, SIGHTS
 from nico_selfmodel.estimation.diagnosis.changes_in_time import (
     FEWEST_VISITS,
     Change,
@@ -25,7 +25,7 @@ from nico_selfmodel.estimation.diagnosis.changes_in_time import (
     moved_words,
 )
 from nico_selfmodel.estimation.diagnosis.jump_taken_for_noise import jump_taken_for_noise
-from nico_selfmodel.estimation.diagnosis.score_sums import CourseFound, Left, ScoreSums
+from nico_selfmodel.estimation.diagnosis.score_sums import MARGIN, CourseFound, Left, ScoreSums
 from nico_selfmodel.estimation.tree.forward.joint_errors import MOST_SLIPS, shown_errors
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_noise import tree_whitening
@@ -37,10 +37,13 @@ from nico_selfmodel.geometry.rotation import (
     rotation_vector_slope,
     slope_together,
 )
-from nico_selfmodel.model.tree.body_tree import PRISMATIC, WHOLE_POSES, WORLD_NAME, Attached
+from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, WHOLE_POSES, WORLD_NAME, Attached
 
 LEAST_RATIO = 1.02
 """Mean residual of what a change moves, without it over with it, below which nobody is told."""
+_FEWEST_WHOLE = 2 * (MARGIN + 1)
+"""Poses of one flange that are told and seen whole below which no change is looked for: each tells
+six numbers of twelve that are unknown, where those of an arm are `FEWEST_VISITS`."""
 _AT_ONCE = 0.5
 """Difference of the shares of slips before and after a sample from which on they began there."""
 _MOST_NUMBERS = 1e7
@@ -56,7 +59,7 @@ def moved_meanwhile(problem: TreeProblem, solution: TreeSolution) -> Change | No
     """
     seen, data = problem.observations, problem.observations.data
     rank, timed = _order(problem)
-    if len(np.unique(rank[timed])) < FEWEST_VISITS or not solution.variances_known:
+    if len(np.unique(rank[timed])) < _fewest(problem) or not solution.variances_known:
         return None
     last = np.full(rank.max() + 1, np.iinfo(data.sample.dtype).min)
     np.maximum.at(last, rank[timed], data.sample[timed])
@@ -150,6 +153,14 @@ def _left_beside(problem: TreeProblem, solution: TreeSolution, k: int, errors: N
     )
 
 
+def _fewest(problem: TreeProblem) -> int:
+    """Return how many visits tell whether anything changed."""
+    data = problem.observations.data
+    told = [joint.motion for joint in data.joints] == [FLANGE]
+    whole = told and all(sensor.kind == POSES for sensor in data.sensors)
+    return _FEWEST_WHOLE if whole else FEWEST_VISITS
+
+
 def _order(problem: TreeProblem) -> tuple[NDArray, NDArray]:
     """Return of each sample its visit's place in the order of time, and whether it has one.
 
@@ -235,7 +246,7 @@ def _changes(
     passing = np.bincount(table.marker[carried[table.sensor]], minlength=count) > 0
     passing |= [data.on_link(marker.on) >= 0 for marker in data.markers]
     tree, together = parameters.tree_of(solution.values), dict[str, list[Attached]]()
-    seen_often = (told >= FEWEST_VISITS) & passing
+    seen_often = (told >= _fewest(problem)) & passing
     for marker, placed, often in zip(data.markers, tree.markers, seen_often, strict=True):
         places, turns = ([f"{marker.name}.{part}" for part in parts] for parts in (SHIFTS, TURNS))
         if not often or places[0] not in index:
