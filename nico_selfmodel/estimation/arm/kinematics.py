@@ -186,7 +186,7 @@ def calibrate_kinematics(
         trim = loss != "none"
         asked = effects if not contradicted else None  # no bend shall explain a wrong value
         ladder = climb(BendingArm(task.sample, solved, up, pins.names, trim, seed), asked)
-        ladder = _beside_time(task, solved, ladder)
+        ladder = _unless_time_explains(task, solved, ladder)
         solved, sums = _on_all(task, ladder, trim)
         unseen = cross_validate_arm(task.observations, solved, sums)
     doubts = _Doubts.of(task, solved)
@@ -251,7 +251,7 @@ def _refined(
     return refine_named(task.sample, parameters, held, best.robust, task.sigma, loss)
 
 
-def _beside_time(task: KinematicTask, rigid: ArmSolution, ladder: Ladder) -> Ladder:
+def _unless_time_explains(task: KinematicTask, rigid: ArmSolution, ladder: Ladder) -> Ladder:
     """Return a ladder that keeps nothing where time explains more than all that stayed on it.
 
     In poses that follow each other a coupling or sag takes part of what a late encoder misses by,

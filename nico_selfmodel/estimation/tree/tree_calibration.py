@@ -329,7 +329,7 @@ def _finished(
     check_that_it_stayed(parameters, start.values, rigid.values, cause, lost)
     late, ladder = None if anew else late_sensors(problem, rigid, test), bends(problem, rigid)
     bent = ladder.solution
-    if late is not None and ladder.adopted and late.ratio <= ladder.gain:  # bends may move, too
+    if late is not None and ladder.adopted:  # what bends may depend on how joints move, too
         late = late_sensors(bent.problem, bent.solution, test, bends=True) and late
     if late is not None and late.explains:
         ladder = Ladder((), TreeBend(problem, rigid))

@@ -182,7 +182,7 @@ LOOSE_JOINTS = f"{np.degrees(LOOSE):.1f} deg: given"
 SET_SHOULDER = f"{1e3 * SHOULDER:g} mm: set on robots 1893 and 1912"
 SET_EDGE = f"{EDGE:g} grey levels from pixel to pixel: set on robots 1893 and 1912"
 SET_ARM = (
-    f"{1e3 * MOVING:g} mm in pictures, {1e3 * ARM_SIGMA:g} mm of marks: set on robots 1893 and 1894"
+    f"{1e3 * MOVING:g} mm in pictures, {1e3 * ARM_SIGMA:g} mm of marks: set on robots 1893 to 1951"
 )
 TURNED_TO_LIGHT = f"{np.degrees(TURNED):g} deg: given"
 SET_POSES = f"{1e3 * TURN:g} mrad, {1e3 * SHIFT:g} mm: set on robots 1893 and 1912"
