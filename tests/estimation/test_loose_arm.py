@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation.mirrors.body_alignment import BodyMotion
-from nico_selfmodel.estimation.mirrors.mark_place import ON_ME, MiddleSigma, PosedBody, spot_of
+from nico_selfmodel.estimation.mirrors.mark_place import ON_ME, PosedBody, spot_of
 from nico_selfmodel.estimation.mirrors.reflection_sigma import LooseParts, reflection_sigma
 from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.rotation import rotation_from_vector
@@ -72,7 +72,7 @@ def arm(loose=(), covariance=None):
 @pytest.mark.slow
 def test_a_mark_on_a_loose_arm_is_as_exactly_placed_as_is_said():
     rng, rig = np.random.default_rng(5), MirrorRig(RIG, MIRROR)
-    known, sigma, chi = arm(JOINTS, LOOSE), MiddleSigma(0.05), []
+    known, sigma, chi = arm(JOINTS, LOOSE), 0.05, []
     p_WC = reflect(rig.plane, LEFT.X_WC[:3, 3])
     for _ in range(200):
         aim = X_WA[:3, 3] + 0.03 * rng.standard_normal(3)
@@ -98,8 +98,7 @@ def test_what_joints_leave_open_is_of_one_look_alone():
     way = X_WA[:3, 3] - p_WC
     p_W = onto_solids(known.solids, p_WC[None], way[None] / np.linalg.norm(way))
     loose, held = (
-        spot_of(rig.project(p_W)[0], MiddleSigma(0.05), RIG, MIRROR, body).place
-        for body in (known, firm)
+        spot_of(rig.project(p_W)[0], 0.05, RIG, MIRROR, body).place for body in (known, firm)
     )
     np.testing.assert_allclose(loose.own - loose.loose, held.own, atol=1e-12)
     np.testing.assert_allclose(loose.in_part - loose.loose, held.in_part, atol=1e-12)
@@ -107,5 +106,5 @@ def test_what_joints_leave_open_is_of_one_look_alone():
     assert np.sqrt(np.trace(loose.loose)) > 3e-4
     assert not held.loose.any()
     other = replace(known, loose=[(JOINTS[0][0], frozenset({"hand"}))] * 2)
-    moved = spot_of(rig.project(p_W)[0], MiddleSigma(0.05), RIG, MIRROR, other).place
+    moved = spot_of(rig.project(p_W)[0], 0.05, RIG, MIRROR, other).place
     assert not moved.loose.any()

@@ -12,7 +12,6 @@ from nico_selfmodel.estimation.mirrors.mark_place import (
     NOT_ON_ME,
     ON_GLASS,
     ON_ME,
-    MiddleSigma,
     PosedBody,
     Spot,
     agreeing,
@@ -65,9 +64,7 @@ def test_a_mark_is_put_where_it_is_and_as_exactly_as_is_said():
         values = rng.multivariate_normal(MIRROR.values, MIRROR.covariance)
         turn = rotation_about([1.0, 0.0, 0.0], np.radians(0.2) * rng.standard_normal())
         p_W = NECK + turn @ (apply(X_WH, p_F[None])[0] - NECK)
-        spot = spot_of(
-            seen(p_W, rng, Mirror.from_values(values)), MiddleSigma(SIGMA), RIG, MIRROR, body()
-        )
+        spot = spot_of(seen(p_W, rng, Mirror.from_values(values)), SIGMA, RIG, MIRROR, body())
         if spot is None:
             continue
         assert spot.kind == ON_ME
@@ -87,7 +84,7 @@ def test_a_link_that_may_stand_elsewhere_makes_its_places_as_uncertain():
         p_F = on_the_ball(rng)
         p_W = apply(X_WH, p_F[None])[0] + 1.5e-3 * rng.standard_normal(3)
         pixels = MirrorRig(RIG, MIRROR).project(p_W) + 0.1 * rng.standard_normal(4)
-        spot = spot_of(pixels, MiddleSigma(0.1), RIG, MIRROR, loose)
+        spot = spot_of(pixels, 0.1, RIG, MIRROR, loose)
         if spot is None or spot.kind != ON_ME:
             continue
         off = spot.place.p_FM - p_F
@@ -102,9 +99,7 @@ def test_a_spot_on_the_glass_is_called_one():
     for _ in range(20):
         ray = np.array([*rng.uniform(-0.2, 0.2, 2), 1.0])
         p_W = ray * -MIRROR.plane.offset / (MIRROR.plane.normal @ ray)
-        spot = spot_of(
-            RIG.project(p_W) + 0.3 * rng.standard_normal(4), MiddleSigma(SIGMA), RIG, MIRROR, body()
-        )
+        spot = spot_of(RIG.project(p_W) + 0.3 * rng.standard_normal(4), SIGMA, RIG, MIRROR, body())
         assert spot is None or spot.kind == ON_GLASS
 
 
@@ -118,7 +113,7 @@ def test_a_spot_whose_middle_is_hardly_known_is_where_it_fits_better(glass):
         if glass:
             behind = p_W - 2.0 * MIRROR.plane.distance_to(p_W) * MIRROR.plane.normal
             pixels = RIG.project(behind * -MIRROR.plane.offset / (MIRROR.plane.normal @ behind))
-        found = spot_of(pixels, MiddleSigma(9.0), RIG, MIRROR, body())
+        found = spot_of(pixels, 9.0, RIG, MIRROR, body())
         assert found is not None
         assert found.chi_square < 0.1
         kinds.append(found.kind)
@@ -128,26 +123,21 @@ def test_a_spot_whose_middle_is_hardly_known_is_where_it_fits_better(glass):
 def test_a_mark_beside_the_body_is_not_on_me():
     rng = np.random.default_rng(3)
     beside = apply(X_WH, on_the_ball(rng)[None])[0] + [0.3, 0.0, 0.0]
-    assert spot_of(seen(beside, rng), MiddleSigma(SIGMA), RIG, MIRROR, body()).kind == NOT_ON_ME
+    assert spot_of(seen(beside, rng), SIGMA, RIG, MIRROR, body()).kind == NOT_ON_ME
 
 
 def test_pixels_that_are_not_of_one_point_are_no_spot():
     pixels = MirrorRig(RIG, MIRROR).project(X_WH[:3, 3])
-    assert (
-        spot_of(pixels + np.array([0.0, 6.0, 0.0, 0.0]), MiddleSigma(SIGMA), RIG, MIRROR, body())
-        is None
-    )
+    assert spot_of(pixels + np.array([0.0, 6.0, 0.0, 0.0]), SIGMA, RIG, MIRROR, body()) is None
 
 
 def test_two_looks_agree_on_a_mark():
     rng = np.random.default_rng(4)
     p_F = on_the_ball(rng)
     p_W = apply(X_WH, p_F[None])[0]
-    first = spot_of(seen(p_W, rng), MiddleSigma(SIGMA), RIG, MIRROR, body())
-    second = spot_of(seen(p_W, rng, TURNED), MiddleSigma(SIGMA), RIG, TURNED, body())
-    other = spot_of(
-        seen(apply(X_WH, -p_F[None] * [1, 1, -1])[0], rng), MiddleSigma(SIGMA), RIG, MIRROR, body()
-    )
+    first = spot_of(seen(p_W, rng), SIGMA, RIG, MIRROR, body())
+    second = spot_of(seen(p_W, rng, TURNED), SIGMA, RIG, TURNED, body())
+    other = spot_of(seen(apply(X_WH, -p_F[None] * [1, 1, -1])[0], rng), SIGMA, RIG, MIRROR, body())
     assert agreeing([first], [second]) == ((first, second),)
     assert other is None or other.kind != ON_ME or agreeing([other], [second]) == ()
     assert np.linalg.norm(first.place.p_FM - p_F) < 4e-3
@@ -158,7 +148,7 @@ def test_looks_that_show_parts_of_one_spot_agree():
     sharp = replace(body(), covariance=1e-4 * body().covariance)
     part = np.array([0.0, 0.7, 0.0, 0.7])
     first, second = (
-        spot_of(MirrorRig(RIG, mirror).project(p_W) + off, MiddleSigma(0.1), RIG, mirror, sharp)
+        spot_of(MirrorRig(RIG, mirror).project(p_W) + off, 0.1, RIG, mirror, sharp)
         for mirror, off in ((MIRROR, part), (TURNED, -part))
     )
     apart = first.place.p_FM - second.place.p_FM
@@ -198,23 +188,17 @@ def test_a_spot_where_two_shapes_meet_is_on_what_cameras_see_of_them(depth):
     rig = MirrorRig(RIG, MIRROR)
     eye = rig.virtual.left.X_WC[:3, 3]
     deep = p_W + depth * (p_W - eye) / np.linalg.norm(p_W - eye)
-    spot = spot_of(rig.project(deep), MiddleSigma(SIGMA), RIG, MIRROR, whole)
+    spot = spot_of(rig.project(deep), SIGMA, RIG, MIRROR, whole)
     assert spot.kind == ON_ME
     assert np.linalg.norm(apply(X_WH, spot.place.p_FM[None])[0] - p_W) < 2e-3
 
 
-def test_what_errs_alike_in_all_looks_is_none_of_their_own():
+def test_how_well_a_middle_is_known_counts_for_its_own_look_alone():
     p_W = apply(X_WH, on_the_ball(np.random.default_rng(4))[None])[0]
-    sizes = {}
-    for sigma in (MiddleSigma(0.3), MiddleSigma(0.0, 0.3), MiddleSigma(0.3, 0.3)):
-        pixels = MirrorRig(RIG, MIRROR).project(p_W)
-        place = spot_of(pixels, sigma, RIG, MIRROR, body()).place
-        sizes[sigma.own, sigma.alike] = np.trace(place.own), np.trace(place.common)
-    own, both = sizes[0.3, 0.0]
-    none, stays = sizes[0.0, 0.3]
-    assert none == pytest.approx(0.0, abs=1e-12)
-    assert stays - both == pytest.approx(own)
-    assert sizes[0.3, 0.3] == pytest.approx((own, stays))
+    pixels = MirrorRig(RIG, MIRROR).project(p_W)
+    sharp, dull = (spot_of(pixels, sigma, RIG, MIRROR, body()).place for sigma in (0.1, 0.3))
+    np.testing.assert_allclose(dull.own, 9.0 * sharp.own, atol=1e-12)
+    np.testing.assert_allclose(dull.common, sharp.common, atol=1e-12)
 
 
 def test_a_spot_that_is_seen_in_part_is_put_where_it_is_all_the_same():
@@ -222,8 +206,8 @@ def test_a_spot_that_is_seen_in_part_is_put_where_it_is_all_the_same():
     pixels = MirrorRig(RIG, MIRROR).project(apply(X_WH, p_F[None])[0])
     lower = np.array([0.0, 1.4, 0.0, 0.0])
     part, other = pixels + lower, pixels + 2.0 * lower
-    assert spot_of(part, MiddleSigma(0.1), RIG, MIRROR, body()).kind == ON_ME
-    assert spot_of(other, MiddleSigma(0.1), RIG, MIRROR, body()) is None
+    assert spot_of(part, 0.1, RIG, MIRROR, body()).kind == ON_ME
+    assert spot_of(other, 0.1, RIG, MIRROR, body()) is None
 
 
 def smooth(u, v):

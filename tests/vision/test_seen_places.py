@@ -9,6 +9,7 @@ from nico_selfmodel.vision.surprise.seen_places import (
     all_judged,
     beyond_chance,
     nothing_at,
+    reaches,
     seen_places,
     spots_at,
 )
@@ -172,3 +173,12 @@ def test_a_place_shows_nothing_where_it_is_judged_and_not_even_weakly_surprising
     for height, nothing in ((weak - 0.1, True), (weak + 0.1, False)):
         faint, _ = pictures((20.0, 40.0), height=height)
         assert nothing_at(faint, 20.0, 40.0) is nothing
+
+
+@pytest.mark.parametrize(("column", "near"), [(40.0, True), (48.0, True), (50.0, False)])
+def test_a_spot_at_an_outline_reaches_what_its_middle_is_beside(column, near):
+    """Of 28 pixels its radius is 3: it comes to within 6 px of what ends at column 40."""
+    shown = np.zeros((60, 80), dtype=bool)
+    shown[:, :41] = True
+    assert reaches(Blob(column, 30.0, 28, 50.0), shown) is near
+    assert not reaches(Blob(column, 30.0, 28, 50.0), np.zeros_like(shown))

@@ -74,7 +74,7 @@ class LinkPlace:
     own: NDArray
     """Its covariance from what is this look's alone. Shape (3, 3)."""
     common: NDArray
-    """The same from mirror, body, surface and what else errs alike in all looks. Shape (3, 3)."""
+    """The same from mirror, body and surface, which err alike in all looks. Shape (3, 3)."""
     loose: NDArray
     """What of `own` is from where the link stands in this look. Shape (3, 3)."""
     in_part: NDArray
@@ -100,23 +100,8 @@ class Spot:
     """Of what it is, one degree of freedom; for `NOT_ON_ME` that of the best other kind."""
 
 
-@dataclass(frozen=True)
-class MiddleSigma:
-    """How well the middle of a spot is known in a picture."""
-
-    own: float
-    """What is this look's alone [px]."""
-    alike: float = 0.0
-    """What errs alike in all looks, as lenses and the colours under a spot do [px]."""
-
-    @property
-    def total(self) -> float:
-        """Both together [px]."""
-        return float(np.hypot(self.own, self.alike))
-
-
 def spot_of(
-    pixels: NDArray, sigma: MiddleSigma, rig: StereoRig, mirror: Mirror, body: PosedBody
+    pixels: NDArray, sigma: float, rig: StereoRig, mirror: Mirror, body: PosedBody
 ) -> Spot | None:
     """Tell what a pair of pixels shows.
 
@@ -127,13 +112,13 @@ def spot_of(
 
     Args:
         pixels: Left u, v and right u, v [px]. Shape (4,).
-        sigma: Of each.
+        sigma: How well the middle of the spot is known in each picture [px].
         body: The own body.
 
     Returns:
         The spot; None where the pixels are not of one point.
     """
-    asked = max(sigma.total, _PART)
+    asked = max(sigma, _PART)
     found = rig.triangulate(pixels[None], asked)
     p_WQ, covariance = found.p_WQ[0], found.covariance[0]
     if not (found.in_front[0] and np.isfinite(p_WQ).all()):
@@ -147,10 +132,10 @@ def spot_of(
     variance = plane.normal @ covariance @ plane.normal + by_plane @ known @ by_plane
     height = float(plane.distance_to(p_WQ))
     on_glass = height**2 / float(variance)
-    shares = (sigma.own / asked) ** 2, (sigma.alike / asked) ** 2
     on_me = None
     if height < 0.0:
-        on_me = _on_body(pixels, p_WQ, covariance, shares, mirror, rig, body)
+        share = (sigma / asked) ** 2
+        on_me = _on_body(pixels, p_WQ, covariance, share, mirror, rig, body)
     if on_glass < GATE_1 and (on_me is None or on_glass <= on_me.chi_square):
         return Spot(ON_GLASS, None, on_glass)
     if on_me is None or on_me.chi_square > GATE_1:
@@ -163,7 +148,7 @@ def _on_body(
     pixels: NDArray,
     behind: NDArray,
     covariance: NDArray,
-    shares: tuple[float, float],
+    share: float,
     mirror: Mirror,
     rig: StereoRig,
     body: PosedBody,
@@ -198,13 +183,13 @@ def _on_body(
     by_pixels = onto @ C @ onto.T
     by_loose = np.zeros((3, 0)) if not loose_ways else onto @ np.column_stack(loose_ways)
     loose = by_loose @ body.loose_covariance @ by_loose.T
-    alike = shares[1] * by_pixels + body.place_sigma[link] ** 2 * onto @ onto.T
+    by_surface = body.place_sigma[link] ** 2 * onto @ onto.T
     R_FW = X_FW[:3, :3]
     place = LinkPlace(
         link,
         apply(X_FW, x[None])[0],
-        R_FW @ (shares[0] * by_pixels + loose) @ R_FW.T,
-        R_FW @ alike @ R_FW.T + by_known @ body.covariance @ by_known.T,
+        R_FW @ (share * by_pixels + loose) @ R_FW.T,
+        R_FW @ by_surface @ R_FW.T + by_known @ body.covariance @ by_known.T,
         R_FW @ loose @ R_FW.T,
         R_FW @ (C + loose) @ R_FW.T,
     )

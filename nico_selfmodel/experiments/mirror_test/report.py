@@ -46,7 +46,7 @@ from nico_selfmodel.experiments.mirror_test.unmarked_report import (
 from nico_selfmodel.plant.touching.touch_planner import CLEAR, LEAN, NARROW
 from nico_selfmodel.sessions.looks.expecting import TURNED
 from nico_selfmodel.sessions.looks.least_unknown import COLOR_SIGMA, MOVING
-from nico_selfmodel.sessions.looks.mark_finder import ARM_SIGMA, LENS_SIGMA, PIXEL_SIGMA
+from nico_selfmodel.sessions.looks.mark_finder import ARM_SIGMA, PIXEL_SIGMA
 from nico_selfmodel.sessions.looks.seen_arm import EDGE, LOOSE, SHOULDER
 from nico_selfmodel.sessions.mirrors.knowing import TRUSTED
 from nico_selfmodel.sessions.mirrors.learned_shape import APART
@@ -171,7 +171,7 @@ TURNING_CHANGES = "{:g} and {:g}, after each turn: given".format(*CHANGES)
 KEPT_OFF = "learned where it was seen (stage 3), beside what its description gives"
 DERIVED_SHAPE = "derived: from what mirrors, joints and cameras are known by"
 SET_COLOR = f"{100 * COLOR_SIGMA:g} %: set on robots 0 and 1; more where its looks tell"
-SET_MIDDLE = f"{PIXEL_SIGMA:g} and {LENS_SIGMA:g} px: set on robots 900 and 950"
+SET_MIDDLE = f"{PIXEL_SIGMA:g} px: set on robots 900 and 950"
 SET_UNLIKE = f"{100 * TRUSTED:g} %: set on robots 1853, 1893, 1894, 1912, 1913 and 1919"
 NEAR_AND_LEAN = (
     f"{1e3 * CLEAR:.0f} mm, {np.degrees(LEAN):.0f} deg: chosen; {1e3 * NARROW:g} mm where there "

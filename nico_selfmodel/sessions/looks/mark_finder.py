@@ -11,7 +11,6 @@ from nico_selfmodel.estimation.mirrors.mark_place import (
     ON_GLASS,
     ON_ME,
     LinkPlace,
-    MiddleSigma,
     PosedBody,
     Spot,
     agreeing,
@@ -38,15 +37,16 @@ from nico_selfmodel.vision.surprise.seen_places import (
     all_judged,
     beyond_chance,
     nothing_at,
+    reaches,
     seen_places,
     spots_at,
 )
 from nico_selfmodel.vision.surprise.spot_middle import Middle, middle_of
 from nico_selfmodel.vision.surprise.surprise import Surprise
 
-PIXEL_SIGMA, LENS_SIGMA = 0.08, 0.07
-"""What the middle of a spot is not known by besides its fit: in each look by itself, and alike in
-all, as where the learned body is seen; set on robots 900 and 950 [px]."""
+PIXEL_SIGMA = 0.08
+"""What the middle of a spot is not known by in each look, besides its fit; set on robots 900 and
+950 [px]."""
 
 DISC_SIGMA = 0.03
 """What the disc of paint in each picture is not known by by itself, besides its fit; set on robot
@@ -270,9 +270,9 @@ class MarkFinder:
         found, both = [], set()
         for a, one, strong_a in left:
             for b, other, strong_b in right:
-                own = float(np.hypot(PIXEL_SIGMA, max(one.sigma, other.sigma)))
+                sigma = float(np.hypot(PIXEL_SIGMA, max(one.sigma, other.sigma)))
                 pixels = np.array([one.u, one.v, other.u, other.v])
-                spot = spot_of(pixels, MiddleSigma(own, LENS_SIGMA), rig, mirror, body)
+                spot = spot_of(pixels, sigma, rig, mirror, body)
                 if spot is None or (spot.kind == NOT_ON_ME and self._on_arm(pair, a, b)):
                     continue
                 found.append((spot, (a, strong_a), (b, strong_b)))
@@ -318,10 +318,13 @@ class MarkFinder:
         ]
 
     def _on_arm(self, pair: Pair, a: Blob, b: Blob) -> bool:
-        """Return whether a camera expects the arm there, of which only the glass is judged."""
+        """Return whether a camera expects the arm there, of which only the glass is judged.
+
+        What is seen at its outline may have its middle beside it.
+        """
         moving = [*self._image.moving]
         return any(
-            bool(np.isin(look.labels[round(one.v), round(one.u)], moving))
+            reaches(one, np.isin(look.labels, moving))
             for look, one in zip(pair, (a, b), strict=True)
         )
 

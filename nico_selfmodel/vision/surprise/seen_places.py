@@ -123,6 +123,18 @@ def beyond_chance(first: Blob, second: Blob, places: int, alike: float = 0.0) ->
     return first.chi_square + second.chi_square > (1.0 + alike) * least
 
 
+def reaches(blob: Blob, shown: NDArray) -> bool:
+    """Return whether a spot, of the radius of its area, comes to within 6 px of what is marked.
+
+    Args:
+        blob: The spot.
+        shown: What is marked. Shape (h, w).
+    """
+    rows, columns = np.nonzero(shown)
+    apart = np.hypot(columns - blob.u, rows - blob.v)
+    return bool(np.any(apart < _NEAR + np.sqrt(blob.area / np.pi)))
+
+
 def spots_at(surprise: Surprise, u: float, v: float) -> list[Blob]:
     """Return what surprises beyond chance within 6 px of a place.
 
