@@ -22,6 +22,7 @@ from nico_selfmodel.estimation.observations.outlier_words import (
     chance_of_more,
     describe_outliers,
     foreign_markers,
+    stood_in_a_row,
     stuck_encoder,
 )
 from nico_selfmodel.model.arm.chain import Chain
@@ -102,6 +103,43 @@ def test_a_frozen_encoder_is_named(train):
     words = describe_outliers(result.train.observations, result.outliers)
     assert "encoder of joint_1 stands at" in words
     assert "frozen" in words
+
+
+@pytest.mark.parametrize(
+    ("poses", "named"),
+    [
+        pytest.param(14, r"'joint_1' stands at [\d.-]+ deg that was off", marks=pytest.mark.slow),
+        pytest.param(24, r"'joint_1' stands at [\d.-]+ rad from sample 16 to 39 while others move"),
+        pytest.param(35, "'joint_1' stands at .* from sample 16 to 50", marks=pytest.mark.slow),
+    ],
+)
+def test_an_encoder_that_stands_in_part_of_a_recording_fails_by_name(train, poses, named):
+    """Of 70 poses; no more than an eighth of them are set aside with a word."""
+    encoders = train.encoders.copy()
+    encoders[15 : 15 + poses, 1] = encoders[15, 1]
+    reason = failing(replace(train, encoders=encoders))
+    assert re.search(named, reason)
+    assert "frozen, or not read" in reason
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda read: read, True),
+        (lambda read: read[:7], False),  # too few in a row
+        (lambda read: read * [0.0, 1.0], False),  # both stand
+        (lambda read: read[:, [1]], False),  # nothing else moves
+        (lambda read: read[np.r_[:4, 8:12, 4:8]], False),  # not in a row
+    ],
+)
+def test_an_encoder_stands_where_it_alone_reads_the_same_in_eight_samples_in_a_row(change, told):
+    moving = np.linspace(0.0, 1.0, 12)
+    read = change(np.column_stack([np.where(np.arange(12) < 8, 2.0, moving), moving])[:, ::-1])
+    found = stood_in_a_row(("a", "b")[: read.shape[1]], ("rad", "deg"), np.arange(len(read)), read)
+    assert (found is not None) is told
+    if found is not None:
+        assert (found[0], found[1].tolist()) == ("b", list(range(8)))
+        assert "'b' stands at 2 deg from sample 0 to 7" in found[2]
 
 
 @pytest.mark.parametrize(("right", "named"), [(0, True), (4, True), (5, False)])

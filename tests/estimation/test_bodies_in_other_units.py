@@ -153,7 +153,10 @@ def test_an_encoder_that_stands_still_from_a_sample_on_is_named(first, stands):
     data = one_arm(3, joints=3, markers=3, poses=60).data
     readings = data.readings.copy()
     readings[first:, 1] = readings[first, 1] if stands else readings[first:, 1][::-1]
-    reasons = judge(calibrate_tree(replace(data, readings=readings), effects=())).reasons
+    try:
+        reasons = judge(calibrate_tree(replace(data, readings=readings), effects=())).reasons
+    except DataError as error:  # what stands in too many samples is refused
+        reasons = (str(error),)
     assert any(re.search("the encoder of '?j2'? stands at", one) for one in reasons) is stands
 
 

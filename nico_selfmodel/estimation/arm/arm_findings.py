@@ -288,11 +288,16 @@ def _uneven_words(
     if place is None or size <= FAR:
         return []
     there = (read >= place[0]) & (read <= place[1])
+    span, cause = (
+        f"read {place[0]:.0f} to {place[1]:.0f} deg",
+        "check the encoder and the gear there",
+    )
+    if place[0] == place[1]:
+        span, cause = f"stands at {place[0]:.6g} deg", "its encoder was frozen, or not read"
     return [
-        f"in {(was & there).sum()} of {there.sum()} poses in which {names} read {place[0]:.0f} to "
-        f"{place[1]:.0f} deg that was off, by {np.degrees(size):.2g} deg in the median, and in "
-        f"{(was & ~there).sum()} of {(~there).sum()} others: check the encoder and the gear there; "
-        "what was held out there was set aside, too"
+        f"in {(was & there).sum()} of {there.sum()} poses in which {names} {span} that was off, by "
+        f"{np.degrees(size):.2g} deg in the median, and in {(was & ~there).sum()} of "
+        f"{(~there).sum()} others: {cause}; what was held out there was set aside, too"
     ]
 
 

@@ -14,6 +14,7 @@ from nico_selfmodel.estimation.initialization.axis_search import first_starts_of
 from nico_selfmodel.estimation.initialization.start_search import few_rows
 from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.estimation.observations.outlier_words import stood_in_a_row
 from nico_selfmodel.names import listed
 
 _STARTS = 10
@@ -107,6 +108,7 @@ def suspicions_of(
             starts=_STARTS_AT_A_GAP,
         )
     if worth is Worth.EVERYTHING:
+        yield from _standing(observations, gear_pinned)
         yield from _other_units(observations, gear_pinned, held)
         yield from lagging(observations, gear_pinned, (-1, 1))
     if worth is not Worth.GAPS:
@@ -145,6 +147,20 @@ def lagging(
         if shifted is not None:
             cause = LateReadings(tuple(observations.joints[i] for i in joints), shift)
             yield Suspicion(str(cause), shifted, gear_pinned, late=cause)
+
+
+def _standing(observations: Observations, gear_pinned: NDArray) -> Iterator[Suspicion]:
+    """Yield what is left without the samples in a row in which one encoder alone stands still."""
+    sample, first = np.unique(observations.sample, return_index=True)
+    units = observations.units
+    read = observations.angles[first] / units.radians_per_unit
+    found = stood_in_a_row(observations.joints, units.unit, sample, read)
+    if found is None:
+        return
+    _, stood, words = found
+    moving = ~np.isin(observations.sample, stood)
+    if len(np.unique(observations.marker[moving])) == len(observations.markers):
+        yield Suspicion(words, observations.select(moving), gear_pinned)
 
 
 def _exchanged(

@@ -16,6 +16,8 @@ _FEWEST = 5
 _RIGHTLY = 0.4
 """And as many of these poses at most may be right: one that is frozen is so by chance, now and
 then."""
+_IN_A_ROW = 8
+"""Samples in a row with one reading from which on the encoder stands, where no other does so."""
 _MOST_OF_MARKER = 0.3
 """A marker with so many outliers does not move with the others, or moved on the hand."""
 _NEARER = 2.0
@@ -99,6 +101,41 @@ def stuck_encoder(
             "hand moves: it was frozen, or not read"
         )
     return ""
+
+
+def stood_in_a_row(
+    joints: Sequence[str], units: Sequence[str], sample: NDArray, readings: NDArray
+) -> tuple[str, NDArray, str] | None:
+    """Find the encoder that alone reads the same in many samples in a row while others move.
+
+    Args:
+        joints: Names, n of them.
+        units: In which they are read.
+        sample: Numbers of P samples. Shape (P,).
+        readings: Of each. Shape (P, n).
+
+    Returns:
+        Its joint, the samples of its longest such run, and words; None where no encoder stands so,
+        or more than one does.
+    """
+    order, found = np.argsort(sample, kind="stable"), list[tuple[int, NDArray]]()
+    for i, read in enumerate(readings[order].T):
+        ends = np.flatnonzero(np.append(np.diff(read) != 0.0, True))
+        runs = np.diff(ends, prepend=-1)
+        if runs.max(initial=0) >= _IN_A_ROW:
+            last = int(ends[np.argmax(runs)])
+            found.append((i, order[last - int(runs.max()) + 1 : last + 1]))
+    if len(found) != 1:
+        return None
+    i, span = found[0]
+    if not np.delete(np.ptp(readings[span], axis=0) > 0.0, i).any():
+        return None
+    words = (
+        f"the encoder of {joints[i]!r} stands at {readings[span[0], i]:.6g} {units[i]} from "
+        f"sample {sample[span[0]]} to {sample[span[-1]]} while others move, as no other ever does: "
+        "it was frozen, or not read"
+    )
+    return joints[i], sample[span], words
 
 
 def foreign_markers(observations: Observations, outliers: NDArray) -> list[str]:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
 from nico_selfmodel.dataset.body.sensors import SIGHTS
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.observations.outlier_words import stood_in_a_row
 from nico_selfmodel.model.tree.body_tree import PRISMATIC, REVOLUTE
 from nico_selfmodel.names import listed
 
@@ -17,8 +18,6 @@ _STILL_SLIDE = 1e-5
 """The same of a joint that shifts [m]."""
 _HARDLY = 0.01
 """And of one that hardly moved beside others of its kind, as a share of their median travel."""
-_IN_A_ROW = 8
-"""Samples in a row with one reading from which on the encoder stands, where no other does so."""
 _FEWEST = 3
 """Poses in which a value that is the same to the last digit is no accident."""
 
@@ -83,26 +82,11 @@ def dead_encoders(data: BodyDataset, joints: Collection[str]) -> str:
 
 def _stood_in_between(data: BodyDataset, joints: Collection[str]) -> str:
     """Say which joint alone reads the same in many samples in a row while others move."""
-    order = np.argsort(data.sample, kind="stable")
-    found = []
-    for i in (i for i, joint in enumerate(data.joints) if joint.is_read):
-        read = data.readings[order, i]
-        ends = np.flatnonzero(np.append(np.diff(read) != 0.0, True))
-        runs = np.diff(ends, prepend=-1)
-        if runs.max(initial=0) >= _IN_A_ROW:
-            last = int(ends[np.argmax(runs)])
-            found.append((i, last - int(runs.max()) + 1, last))
-    if len(found) != 1 or data.joints[found[0][0]].name not in joints:
-        return ""
-    i, first, last = found[0]
-    joint, span = data.joints[i], order[first : last + 1]
-    if not np.delete(np.ptp(data.readings[span], axis=0) > 0.0, i).any():
-        return ""
-    return (
-        f"the encoder of {joint.name!r} stands at {data.readings[span[0], i]:.6g} "
-        f"{joint.encoder_unit} from sample {data.sample[span[0]]} to {data.sample[span[-1]]} while "
-        "others move, as no other ever does: it was frozen, or not read"
-    )
+    read = [i for i, joint in enumerate(data.joints) if joint.is_read]
+    names = [data.joints[i].name for i in read]
+    units = [data.joints[i].encoder_unit for i in read]
+    found = stood_in_a_row(names, units, data.sample, data.readings[:, read])
+    return found[2] if found is not None and found[0] in joints else ""
 
 
 def _hardly_moved(data: BodyDataset) -> set[str]:
