@@ -13,11 +13,13 @@ from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.plant.link_surfaces import LinkSurface
 from nico_selfmodel.sessions.looks.expecting import Expecting, Unknown
 from nico_selfmodel.sessions.looks.least_unknown import MOVING, POINTS, Told, least_unknown
+from nico_selfmodel.sessions.looks.mark_finder import MarkFinder
 from nico_selfmodel.sessions.looks.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.looks.seen_arm import SeenArm
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.rendering.body_image import NOTHING, ExpectedPicture
 from nico_selfmodel.systems.rendering.cropped_render import LabelledPicture
+from nico_selfmodel.vision.surprise.blobs import Blob
 
 CHEST, ARM, HAND = 3, 7, 9
 LINKS = {CHEST: "chest", ARM: "arm", HAND: "hand"}
@@ -193,3 +195,13 @@ def test_a_link_that_moves_is_known_no_better_than_thin_things_fall_between_pixe
         calm.likely, calm.share, calm.strange, calm.links, np.zeros_like(calm.alarms), calm.moving
     )
     assert least_unknown(lambda _: quiet).points["arm"] == MOVING == 7e-4
+
+
+@pytest.mark.parametrize(("beside", "own"), [(0.0, True), (2.0, True), (9.0, True), (15.0, False)])
+def test_a_spot_whose_middle_lies_beside_the_arm_is_on_it(beside, own):
+    """Paint on an arm before the glass is of the arm, at its outline too, and not on another."""
+    finder, labels = MarkFinder(IMAGE, None, {}), picture().labels
+    at_edge, far = (Blob(139.0 + u, 30.0, 80, 90.0) for u in (beside, 35.0))
+    pair = SimpleNamespace(labels=labels), SimpleNamespace(labels=labels)
+    assert finder._on_arm(pair, at_edge, far) is own
+    assert finder._on_arm(pair, far, at_edge) is own
