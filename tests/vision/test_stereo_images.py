@@ -118,6 +118,14 @@ def test_wildcards_stand_for_what_they_stand_for_in_a_shell(tmp_path):
     assert names("[a-b]1*") == ["a1.png", "b1.png"]
 
 
+def test_two_stars_stand_for_any_folders(tmp_path):
+    files_of(tmp_path, "left1.png", "a/left1.png", "a/b/left2.png", "a/b/right2.png")
+    found = images_by_pattern(f"{tmp_path}/**/left*.png")
+    assert sorted(name for name, _ in found) == ["1", "a_1", "a_b_2"]
+    pairs = pairs_by_pattern(f"{tmp_path}/a/**/left2.png", f"{tmp_path}/a/**/right2.png")
+    assert [(left.name, right.name) for _, left, right in pairs] == [("left2.png", "right2.png")]
+
+
 def test_copies_of_photographs_are_left_out_by_name(folder):
     found = detect_boards(folder, BOARD, 4)
     with pytest.warns(UserWarning, match="copies of photographs are left out: 2 of 1$"):

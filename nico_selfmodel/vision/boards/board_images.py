@@ -96,7 +96,7 @@ def images_by_pattern(pattern: str) -> list[tuple[str, Path]]:
     """List the photographs that a pattern names.
 
     Args:
-        pattern: Such as `cam0/*.png`; `*`, `?` and `[...]` as in a shell.
+        pattern: Such as `cam0/*.png`; `*`, `**/`, `?` and `[...]` as in a shell.
 
     Returns:
         Name of the view, what the wildcards stand for, and path; view 2 before view 10.
@@ -113,7 +113,8 @@ def images_by_pattern(pattern: str) -> list[tuple[str, Path]]:
     for path in start.glob(str(Path(pattern).relative_to(start))):
         match = inside.fullmatch(str(path))
         if match is not None and path.is_file():
-            found.append(("_".join(part for part in match.groups() if part), path))
+            parts = [part.strip("/").replace("/", "_") for part in match.groups() if part]
+            found.append(("_".join(parts), path))
     if not found:
         raise DataError(f"{pattern}: no photograph has such a name; is the pattern quoted?")
     return _one_of_each(pattern, sorted(found, key=lambda item: natural_key(item[1])))
@@ -192,8 +193,8 @@ def images_by_name(words: Sequence[str]) -> dict[str, list[tuple[str, Path]]]:
 
 def _expression(pattern: str) -> str:
     """Return a regular expression whose groups are what wildcards stand for."""
-    parts = re.split(r"(\*+|\?|\[[^\]]+\])", pattern)
-    words = {"?": "([^/])"}
+    parts = re.split(r"(\*\*/|\*+|\?|\[[^\]]+\])", pattern)
+    words = {"?": "([^/])", "**/": "((?:[^/]+/)*)"}
     found = (
         re.escape(part)
         if k % 2 == 0
