@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation.mirrors.body_alignment import BodyMotion
-from nico_selfmodel.estimation.mirrors.mark_place import ON_ME, PosedBody, spot_of
+from nico_selfmodel.estimation.mirrors.mark_place import (
+    NOT_ON_ME,
+    ON_ME,
+    PosedBody,
+    Spot,
+    seen_once,
+    spot_of,
+)
 from nico_selfmodel.estimation.mirrors.reflection_sigma import LooseParts, reflection_sigma
 from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.rotation import rotation_from_vector
@@ -108,3 +115,68 @@ def test_what_joints_leave_open_is_of_one_look_alone():
     other = replace(known, loose=[(JOINTS[0][0], frozenset({"hand"}))] * 2)
     moved = spot_of(rig.project(p_W)[0], 0.05, RIG, MIRROR, other).place
     assert not moved.loose.any()
+
+
+RAISED = transform(np.eye(3), [0.02, 0.01, 0.22])
+"""Where an arm is held up, before the glass."""
+
+
+def held_up(loose=(), covariance=None):
+    """Return that arm, which turns about the same elbow."""
+    solid = Solid("ellipsoid", (0.03, 0.03, 0.03), RAISED)
+    return PosedBody(
+        [solid], ["arm"], {"arm": RAISED}, [], np.diag(np.full(3, 1e-12)), {"arm": 1e-5},
+        loose, np.zeros((0, 0)) if covariance is None else covariance,
+    )  # fmt: skip
+
+
+def on_its_near_side(way):
+    """Return a place of it that both cameras see directly. Shape (1, 3)."""
+    aim = RAISED[:3, 3] + way
+    eye = np.array([0.035, 0.0, 0.0])
+    return onto_solids(held_up().solids, eye[None], (aim - eye)[None] / np.linalg.norm(aim - eye))
+
+
+@pytest.mark.slow
+def test_a_mark_on_an_arm_before_the_glass_is_as_exactly_placed_as_is_said():
+    rng, chi = np.random.default_rng(7), []
+    known = held_up(JOINTS, LOOSE)
+    for _ in range(200):
+        p_W = on_its_near_side(0.008 * rng.standard_normal(3))
+        turns = rng.multivariate_normal(np.zeros(2), LOOSE)
+        pixels = RIG.project(turned(p_W, turns))[0] + 0.1 * rng.standard_normal(4)
+        spot = spot_of(pixels, 0.1, RIG, MIRROR, known)
+        assert spot is not None
+        if spot.kind != ON_ME:
+            continue
+        assert spot.directly
+        off = spot.place.p_FM - (p_W[0] - RAISED[:3, 3])
+        chi.append(off @ np.linalg.pinv(spot.place.own + spot.place.common, 1e-6) @ off)
+    assert len(chi) > 190
+    assert 0.75 < np.mean(chi) / 2.0 < 1.25
+
+
+def test_what_is_seen_beside_an_arm_before_the_glass_is_not_on_it():
+    p_W = on_its_near_side(np.zeros(3)) + np.array([0.06, 0.0, 0.0])
+    spot = spot_of(RIG.project(p_W)[0], 0.1, RIG, MIRROR, held_up())
+    assert (spot.kind, spot.directly) == (NOT_ON_ME, True)
+
+
+def test_the_back_of_an_arm_before_the_glass_is_seen_in_the_mirror_alone():
+    back = RAISED[:3, 3][None] + [0.0, 0.0, 0.03]
+    image = spot_of(MirrorRig(RIG, MIRROR).project(back)[0], 0.1, RIG, MIRROR, held_up())
+    assert (image.kind, image.directly) == (ON_ME, False)
+    np.testing.assert_allclose(image.place.p_FM, [0.0, 0.0, 0.03], atol=1e-6)
+
+
+@pytest.mark.parametrize("sure", [(True, False), (False, True), (False, False)])
+def test_a_spot_and_its_reflection_are_one_which_is_as_sure_as_the_surer(sure):
+    side = RAISED[:3, 3][None] + [0.03, 0.0, 0.0]  # where both its sides are seen
+    image = spot_of(MirrorRig(RIG, MIRROR).project(side)[0], 0.1, RIG, MIRROR, held_up())
+    direct = spot_of(RIG.project(side)[0], 0.1, RIG, MIRROR, held_up())
+    assert (image.directly, direct.directly) == (False, True)
+    assert seen_once([(direct, sure[0]), (image, sure[1])]) == [(image, any(sure))]
+    apart = spot_of(RIG.project(on_its_near_side(np.zeros(3)))[0], 0.1, RIG, MIRROR, held_up())
+    other = Spot(NOT_ON_ME, None, 99.0, directly=True)
+    told = [(apart, True), (image, False), (other, True)]
+    assert seen_once(told) == told

@@ -1,12 +1,13 @@
 """Where a spot is that both cameras see: on the body in the mirror, on the glass, or elsewhere.
 
 Two lines of sight tell a point: for what is seen directly it is the spot itself, for a reflection
-its mirror image behind the glass. Three hypotheses are held against it by chi-square: its
-reflection lies on the body's surface; it lies on the glass itself; or neither.
+its mirror image behind the glass. Three hypotheses are held against it by chi-square: it lies on
+the body's surface, or its reflection does where it is behind the glass; it lies on the glass
+itself; or neither.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -33,6 +34,8 @@ GATE_1, GATE_3 = 10.828, 16.266
 _PART = 0.5
 """What the middle of a spot may be off by of which a picture shows a part; set on robots 0 and 1
 [px]."""
+_BEFORE = 0.1
+"""So far before what is seen directly begins what may hide it: cameras look out of a head [m]."""
 _BEHIND = 0.01
 """What is hidden lies farther behind what is seen than this, which an outline may [m]."""
 _STEPS = 20
@@ -98,12 +101,14 @@ class Spot:
     """Where on a link, if on me."""
     chi_square: float
     """Of what it is, one degree of freedom; for `NOT_ON_ME` that of the best other kind."""
+    directly: bool = False
+    """Whether it was seen before the glass."""
 
 
 def spot_of(
     pixels: NDArray, sigma: float, rig: StereoRig, mirror: Mirror, body: PosedBody
 ) -> Spot | None:
-    """Tell what a pair of pixels shows.
+    """Tell what a pair of pixels shows, of the body itself or of its reflection.
 
     Whether the pixels are of one point, and on what, is asked with at least `_PART` a pixel: weak
     spots are seen in part, and a mark that is thrown away is never found again. What may be on the
@@ -131,40 +136,65 @@ def spot_of(
     known = body.covariance[:3, :3]
     variance = plane.normal @ covariance @ plane.normal + by_plane @ known @ by_plane
     height = float(plane.distance_to(p_WQ))
-    on_glass = height**2 / float(variance)
-    on_me = None
-    if height < 0.0:
-        share = (sigma / asked) ** 2
-        on_me = _on_body(pixels, p_WQ, covariance, share, mirror, rig, body)
+    on_glass, directly = height**2 / float(variance), height > 0.0
+    if directly:
+        sight = _Sight.before_the_glass(p_WQ, covariance, rig)
+    else:
+        sight = _Sight.in_mirror(p_WQ, covariance, mirror, rig)
+    on_me = _on_body(sight, (sigma / asked) ** 2, body)
     if on_glass < GATE_1 and (on_me is None or on_glass <= on_me.chi_square):
-        return Spot(ON_GLASS, None, on_glass)
+        return Spot(ON_GLASS, None, on_glass, directly)
     if on_me is None or on_me.chi_square > GATE_1:
         best = on_glass if on_me is None else min(on_glass, on_me.chi_square)
-        return Spot(NOT_ON_ME, None, best)
-    return on_me
+        return Spot(NOT_ON_ME, None, best, directly)
+    return replace(on_me, directly=directly)
 
 
-def _on_body(
-    pixels: NDArray,
-    behind: NDArray,
-    covariance: NDArray,
-    share: float,
-    mirror: Mirror,
-    rig: StereoRig,
-    body: PosedBody,
-) -> Spot | None:
-    """Put a spot behind the glass on the nearest surface, by what it is known by.
+@dataclass(frozen=True, eq=False)
+class _Sight:
+    """A spot where it would be if it is on the body, in the rig's world."""
 
-    With the spot's reflection p of covariance C it is the x that minimises (x - p)' C^-1 (x - p) on
-    the surface n.(x - s) = 0: a Kalman step with gain k = C n / n'Cn, anew from the surface at each
-    x, from p and from what the cameras see in its way: p may lie so deep inside that the nearest
-    surface is one's back, or that of another of the shapes that overlap there. A link that stands
-    elsewhere by d shifts it in the link's frame by (1 - k n') d.
+    p_WQ: NDArray
+    """The spot [m]. Shape (3,)."""
+    covariance: NDArray
+    """By its pixels. Shape (3, 3)."""
+    p_WC: NDArray
+    """Where one looks from [m]. Shape (3,)."""
+    by_mirror: NDArray
+    """How the spot moves with the mirror's values. Shape (3, 3)."""
+
+    @classmethod
+    def before_the_glass(cls, p_WQ: NDArray, covariance: NDArray, rig: StereoRig) -> "_Sight":
+        """Take a spot that is seen directly."""
+        way = p_WQ - np.mean([camera.X_WC[:3, 3] for camera in rig.cameras], axis=0)
+        p_WC = p_WQ - _BEFORE * way / np.linalg.norm(way)
+        return cls(p_WQ, covariance, p_WC, np.zeros((3, 3)))
+
+    @classmethod
+    def in_mirror(
+        cls, behind: NDArray, covariance: NDArray, mirror: Mirror, rig: StereoRig
+    ) -> "_Sight":
+        """Take the spot whose mirror image is seen behind the glass."""
+        plane, by_values = plane_of_values(mirror.values, rig.left.X_WC)
+        turned = np.eye(3) - 2.0 * np.outer(plane.normal, plane.normal)
+        p_WC = reflect(plane, np.mean([camera.X_WC[:3, 3] for camera in rig.cameras], axis=0))
+        slopes = reflection_slopes(plane, behind[None])[0] @ by_values
+        return cls(reflect(plane, behind), turned @ covariance @ turned.T, p_WC, slopes)
+
+
+def _on_body(sight: _Sight, share: float, body: PosedBody) -> Spot | None:
+    """Put a spot on the nearest surface, by what it is known by.
+
+    With the spot p of covariance C it is the x that minimises (x - p)' C^-1 (x - p) on the surface
+    n.(x - s) = 0: a Kalman step with gain k = C n / n'Cn, anew from the surface at each x, from p
+    and from what the cameras see in its way: p may lie so deep inside that the nearest surface is
+    one's back, or that of another of the shapes that overlap there. A link that stands elsewhere by
+    d shifts it in the link's frame by (1 - k n') d.
+
+    Args:
+        share: Of C that is this look's alone.
     """
-    plane, by_values = plane_of_values(mirror.values, rig.left.X_WC)
-    turned = np.eye(3) - 2.0 * np.outer(plane.normal, plane.normal)
-    p, C = reflect(plane, behind), turned @ covariance @ turned.T
-    p_WC = reflect(plane, np.mean([camera.X_WC[:3, 3] for camera in rig.cameras], axis=0))
+    p, C, p_WC, slopes = sight.p_WQ, sight.covariance, sight.p_WC, sight.by_mirror
     ends = [_onto_surface(start, p, C, body) for start in (p, _first(p_WC, p, body))]
     seen = [end for end in ends if end is not None and not _hidden(end[0], p_WC, body)]
     if not seen:
@@ -174,7 +204,6 @@ def _on_body(
     link = body.links[int(distance_to_solids(body.solids, x[None])[1][0])]
     X_FW = inverse(body.poses[link])
     onto = np.eye(3) - np.outer(gain, normal)
-    slopes = reflection_slopes(plane, behind[None])[0] @ by_values
     ways, loose_ways = (
         [-motion.way(x[None])[0] if link in links else np.zeros(3) for motion, links in motions]
         for motions in (body.motions, body.loose)
@@ -273,6 +302,24 @@ def best_spots(
         worse = not (sure and certain), spot.kind == NOT_ON_ME, spot.chi_square
         pairs.append((worse, a, b, (spot, sure or certain)))
     return _each_once(pairs)
+
+
+def seen_once(spots: Sequence[tuple[Spot, bool]]) -> list[tuple[Spot, bool]]:
+    """Return the spots of one look without those seen directly whose reflection is one of them.
+
+    Who does not know that they are one takes them for two. The reflection stays, and is beyond
+    chance where either of both is.
+
+    Args:
+        spots: And whether each is beyond chance.
+    """
+    sure = {id(spot): strong for spot, strong in spots}
+    on_me = [spot for spot, _ in spots if spot.kind == ON_ME]
+    direct = [spot for spot in on_me if spot.directly]
+    reflected = [spot for spot in on_me if not spot.directly]
+    for image, again in agreeing(reflected, direct):
+        sure[id(image)] |= sure.pop(id(again))
+    return [(spot, sure[id(spot)]) for spot, _ in spots if id(spot) in sure]
 
 
 def _each_once(pairs: Sequence[tuple[Any, object, object, _T]]) -> list[_T]:

@@ -105,7 +105,10 @@ def _hits(stage: MarkStage) -> dict[str, Any]:
         failed,
         said,
         f"{ENOUGH_MARKS} marks" if len(trials) < ENOUGH_MARKS else None,
-        not_judged=["the hand that moves and its wrist", "what is seen directly"],
+        not_judged=[
+            "the hand that moves and its wrist",
+            "what is seen directly and does not change",
+        ],
         marks=len(trials),
         hits=hits,
         seen_directly_too=len(too),

@@ -15,6 +15,7 @@ from nico_selfmodel.estimation.mirrors.mark_place import (
     Spot,
     agreeing,
     best_spots,
+    seen_once,
     spot_of,
 )
 from nico_selfmodel.estimation.mirrors.other_sight import nearest_depth, other_sights
@@ -82,7 +83,8 @@ class MarkFinder:
     A spot is a pair of surprising places, one a camera, whose lines of sight meet
     (`estimation.mirrors.mark_place`). A mark is on me where spots of both looks agree in the frame
     of one link: a spot on the glass moves with the glass, a shadow with the light; or where one
-    look has a spot, and the other does not tell against it (`_unrefuted`). One of the four
+    look has a spot, and the other does not tell against it (`_unrefuted`). What one look shows
+    directly and in the mirror is one spot (`seen_once`). One of the four
     places must be so surprising that a picture of what was expected has it once in a hundred times,
     or all of them together must be (`surprising_together`).
     """
@@ -281,7 +283,7 @@ class MarkFinder:
                 ]
                 if spot.kind == ON_ME and beyond_chance(a, b, places, min(alike)):
                     both.add(id(spot))
-        return [(spot, strong or id(spot) in both) for spot, strong in best_spots(found)]
+        return seen_once([(spot, strong or id(spot) in both) for spot, strong in best_spots(found)])
 
     def _sights(
         self,
@@ -318,7 +320,7 @@ class MarkFinder:
         ]
 
     def _on_arm(self, pair: Pair, a: Blob, b: Blob) -> bool:
-        """Return whether a camera expects the arm there, of which only the glass is judged.
+        """Return whether a camera expects the arm there, beside which nothing is told apart.
 
         What is seen at its outline may have its middle beside it.
         """
