@@ -201,7 +201,7 @@ def test_a_link_that_moves_is_known_no_better_than_thin_things_fall_between_pixe
 def test_a_spot_whose_middle_lies_beside_the_arm_is_on_it(beside, own):
     """Paint on an arm before the glass is of the arm, at its outline too, and not on another."""
     finder, labels = MarkFinder(IMAGE, None, {}), picture().labels
-    at_edge, far = (Blob(139.0 + u, 30.0, 80, 90.0) for u in (beside, 35.0))
+    at_edge, far = (Blob(139.0 + u, 30.0, 80, 90.0, reach=5.0) for u in (beside, 35.0))
     pair = SimpleNamespace(labels=labels), SimpleNamespace(labels=labels)
     assert finder._on_arm(pair, at_edge, far) is own
     assert finder._on_arm(pair, far, at_edge) is own

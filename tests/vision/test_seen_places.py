@@ -177,8 +177,20 @@ def test_a_place_shows_nothing_where_it_is_judged_and_not_even_weakly_surprising
 
 @pytest.mark.parametrize(("column", "near"), [(40.0, True), (48.0, True), (50.0, False)])
 def test_a_spot_at_an_outline_reaches_what_its_middle_is_beside(column, near):
-    """Of 28 pixels its radius is 3: it comes to within 6 px of what ends at column 40."""
+    """It reaches 3 px: to within 6 px of what ends at column 40."""
     shown = np.zeros((60, 80), dtype=bool)
     shown[:, :41] = True
-    assert reaches(Blob(column, 30.0, 28, 50.0), shown) is near
-    assert not reaches(Blob(column, 30.0, 28, 50.0), np.zeros_like(shown))
+    assert reaches(Blob(column, 30.0, 28, 50.0, reach=3.0), shown) is near
+    assert not reaches(Blob(column, 30.0, 28, 50.0, reach=3.0), np.zeros_like(shown))
+
+
+@pytest.mark.parametrize(("radius", "parts"), [(2.0, 2), (7.0, 1)])
+def test_parts_of_a_large_spot_lie_farther_apart_than_those_of_a_small_one(radius, parts):
+    """Something like what is under it, 9 px from the middle of a disc to that of a part of it."""
+    v, u = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    disc = np.hypot(u - 20.0, v - 40.0) < radius
+    part = np.hypot(u - 29.0, v - 40.0) < 1.5
+    body = np.broadcast_to(np.arange(SHAPE[1])[None] < 50, SHAPE)
+    seen = Surprise(np.where(body, np.where(disc | part, 100.0, 1.0), np.nan), 1.0)
+    assert len(seen_places(seen)) == parts
+    assert surprising_places(seen)[-1].reach < 2.0

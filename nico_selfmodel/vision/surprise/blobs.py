@@ -33,17 +33,24 @@ class Blob:
     """z^2 of its most surprising place."""
     parts: tuple[tuple[float, float], ...] = ()
     """Column and row of each part of a spot that is seen in several [px]."""
+    reach: float = 0.0
+    """How far its farthest pixel is from its middle, at most [px]."""
+
+    def apart(self, other: "Blob") -> float:
+        """Return how far the middles of this and another place are apart [px]."""
+        return float(np.hypot(self.u - other.u, self.v - other.v))
 
     def with_part(self, other: "Blob") -> "Blob":
         """Return this and another place of the same spot as one, each weighed by its surprise."""
         own, added = self.area * self.chi_square, other.area * other.chi_square
-        share = added / (own + added)
+        share, apart = added / (own + added), self.apart(other)
         return Blob(
             self.u + share * (other.u - self.u),
             self.v + share * (other.v - self.v),
             self.area + other.area,
             max(self.chi_square, other.chi_square),
             tuple(part for one in (self, other) for part in one.parts or ((one.u, one.v),)),
+            max(self.reach + share * apart, other.reach + (1.0 - share) * apart),
         )
 
 
@@ -105,9 +112,6 @@ def blob_of(inside: NDArray, places: NDArray, threshold: NDArray | float) -> Blo
     each = np.nan_to_num(places[rows, columns])
     most = np.broadcast_to(threshold, places.shape)[rows, columns]
     weight = np.minimum(each / most, _ENOUGH) + _LEAST
-    return Blob(
-        float(np.average(columns, weights=weight)),
-        float(np.average(rows, weights=weight)),
-        len(rows),
-        float(each.max()),
-    )
+    u, v = (float(np.average(one, weights=weight)) for one in (columns, rows))
+    reach = float(np.hypot(columns - u, rows - v).max())
+    return Blob(u, v, len(rows), float(each.max()), reach=reach)

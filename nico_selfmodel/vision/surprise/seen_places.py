@@ -11,8 +11,8 @@ from nico_selfmodel.vision.surprise.surprise import Surprise
 
 WEAK = 1.0
 """Places of a picture that may surprise where both cameras and both looks must agree."""
-_NEAR = 6.0
-"""Surprising places as near to each other are one spot [px]."""
+_NEAR, _GAP = 6.0, 2.0
+"""Surprising places as near to each other are one spot, or with so little between them [px]."""
 _PLACES_ABOUT = 113
 """Places within 6 px of one."""
 _BESIDE = 2
@@ -95,7 +95,8 @@ def _merged(found: list[tuple[Blob, bool]]) -> list[tuple[Blob, bool]]:
     merged: list[tuple[Blob, bool]] = []
     for blob, sure in sorted(found, key=lambda one: -one[0].area * one[0].chi_square):
         for k, (other, known) in enumerate(merged):
-            if np.hypot(blob.u - other.u, blob.v - other.v) < _NEAR:
+            # What is large, as seen from near by, lies in parts farther apart.
+            if blob.apart(other) < max(_NEAR, blob.reach + other.reach + _GAP):
                 merged[k] = other.with_part(blob), known or sure
                 break
         else:
@@ -124,7 +125,7 @@ def beyond_chance(first: Blob, second: Blob, places: int, alike: float = 0.0) ->
 
 
 def reaches(blob: Blob, shown: NDArray) -> bool:
-    """Return whether a spot, of the radius of its area, comes to within 6 px of what is marked.
+    """Return whether a spot comes to within 6 px of what is marked.
 
     Args:
         blob: The spot.
@@ -132,7 +133,7 @@ def reaches(blob: Blob, shown: NDArray) -> bool:
     """
     rows, columns = np.nonzero(shown)
     apart = np.hypot(columns - blob.u, rows - blob.v)
-    return bool(np.any(apart < _NEAR + np.sqrt(blob.area / np.pi)))
+    return bool(np.any(apart < _NEAR + blob.reach))
 
 
 def spots_at(surprise: Surprise, u: float, v: float) -> list[Blob]:
