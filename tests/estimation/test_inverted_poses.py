@@ -148,6 +148,22 @@ def test_a_hand_eye_calibration_says_whose_turns_were_taken_for_others(how):
             calibrate_tree(told)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_quaternions_of_a_flange_that_points_down_are_not_taken_for_inverted_poses(seed):
+    """Shifted by one, (1, 0, 0, 0) and its neighbours turn almost the other way round."""
+    rng = np.random.default_rng(seed)
+    X = transform(rotation_from_vector(0.5 * rng.normal(size=3)), 0.05 * rng.normal(size=3))
+    Z = transform(rotation_from_vector(np.array([1.2, -1.2, 1.0])), np.array([1.4, 0.3, 0.7]))
+    w, p = 0.3 * rng.normal(size=(20, 3)), 0.07 * rng.normal(size=(20, 3))
+    down = transform(rotation_from_vector(np.array([np.pi, 0.0, 0.0])), np.array([0.45, 0.0, 0.4]))
+    F = down @ transform(rotation_from_vector(w), p)
+    data = flange_dataset(F, inverse(Z) @ F @ X)
+    flanges = np.array(data.flanges)
+    flanges[:, 0, 3:] = misread(flanges[:, 0, 3:], MISREAD[0])
+    with pytest.raises(DataError, match=re.escape(f"in turns of the flange {MISREAD[0]}")):
+        calibrate_tree(replace(data, flanges=flanges))
+
+
 def test_a_flange_whose_angles_were_taken_for_rotation_vectors_is_told_before_corners():
     _, data = recorded(np.random.default_rng(0))
     flanges = np.array(data.flanges)

@@ -93,9 +93,9 @@ def _by_target(
     M = transform(rotation_from_vector(vectors), rows.measured[own, :3])
     M = M if on_hand else inverse(M)
     names = data.joint_names[flange], info.name, data.markers[m].name
-    found = either_way(F, M, names, carried=not on_hand)
     told = np.asarray(data.flanges)[rows.pose[own], flange, 3:]
     _refuse_other_turns(F, M, told, vectors, names, carried=not on_hand)
+    found = either_way(F, M, names, carried=not on_hand)
     # On the hand F X = Z M; a sensor on the hand that sees the world: F X M = Z.
     at, sensor_at = (found.X, found.Z) if on_hand else (found.Z, found.X)
     markers = list(tree.markers)
@@ -117,9 +117,9 @@ def _by_corners(
         placed = placed_by_known(data, tree, rows, rng, known).X_WC
         F, M = data.X_flange[list(placed), flange], np.array(list(placed.values()))
         names = data.joint_names[flange], rows.name, "what it sees"
-        found = either_way(F, M, names, carried=True, told=False)
         told = np.asarray(data.flanges)[list(placed), flange, 3:]
         _refuse_other_turns(F, M, told, None, names, carried=True)
+        found = either_way(F, M, names, carried=True, told=False)
         places[rows.name] = found.X
         X_PJ[flange] = inverse(found.Z)
     tree = replace(with_sensors(tree, places), X_PJ=X_PJ)
@@ -189,6 +189,8 @@ def _refuse_other_turns(
 ) -> None:
     """Refuse poses that fit once turns are read as they were meant: as angles, w first and so on.
 
+    They must fit better than inverted poses would, which may seem to fit by chance.
+
     Args:
         F, M: See `either_way`.
         of_flange: Turns of the flange as rotation vectors [rad], as they were told. Shape (K, 3).
@@ -199,8 +201,9 @@ def _refuse_other_turns(
         DataError: If there are such.
     """
     off = _misfit(F, M)
-    if off < _MISFIT:
+    if not _MISFIT <= off < np.inf:  # who hardly turns is told so
         return
+    off = min(off, _misfit(inverse(F), M) / SMALLER)
 
     def with_flange(R: NDArray, seen: NDArray = M) -> float:
         return _misfit(transform(R, F[:, :3, 3]), seen)
