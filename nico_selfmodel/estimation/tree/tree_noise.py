@@ -243,7 +243,7 @@ def _shared(
             noise = TreeNoise(found.sensor, found.joint, loud=known.loud)
             if found.likelihood > most:
                 best, most = noise.sharing((*start.alike, alike)), found.likelihood
-            told = _asked_for(wider, noise)
+            told = asked_for(wider, noise)
             alike = replace(alike, sigma=_as_told(alike, told, evidence.data.noisy_joints))
     return best
 
@@ -275,7 +275,7 @@ def _first_own(noise: TreeNoise, alike: AlikeErrors) -> TreeNoise:
     return TreeNoise(sensor, joint, loud=noise.loud)
 
 
-def _asked_for(evidence: NoiseEvidence, noise: TreeNoise) -> tuple[NDArray, NDArray]:
+def asked_for(evidence: NoiseEvidence, noise: TreeNoise) -> tuple[NDArray, NDArray]:
     """Return what residuals ask of parameters N(0, 1), and the variances of that. Shapes (P,)."""
     linear = evidence.linear
     both = np.vstack([linear.r, linear.J]) / noise.sensor[evidence.data.noise_group]
