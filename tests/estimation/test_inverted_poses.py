@@ -73,6 +73,19 @@ def test_both_sides_are_named_where_nothing_tells_which_is_carried(ratio, flange
     assert ("invert the poses that 'camera' tells" in str(caught.value)) == sensor
 
 
+@pytest.mark.parametrize("seed", [2, 4, 6])
+def test_three_poses_tell_neither_which_way_they_go_nor_which_of_them_is_wrong(seed):
+    """Any two of them fit a body, and all three inverted: each had been blamed for it."""
+    F, M = poses(seed)
+    rng = np.random.default_rng(seed)
+    turns, shifts = 0.02 * rng.normal(size=(20, 3)), 5e-3 * rng.normal(size=(20, 3))
+    F = F @ transform(rotation_from_vector(turns), shifts)
+    for first in range(0, 18, 3):
+        three = slice(first, first + 3)
+        found = calibrate_tree(flange_dataset(F[three], M[three]), effects=())
+        assert not found.solution.outliers.any()
+
+
 @pytest.mark.parametrize(("noise", "refused"), [(0.05, True), (0.5, False)])
 def test_poses_that_fit_neither_way_are_not_called_inverted(noise, refused):
     F, M = poses(3)

@@ -61,11 +61,13 @@ def robust_weights(data: TreeObservations, r: NDArray) -> tuple[NDArray, float]:
     return weight[data.row], cost
 
 
-def standing_out(data: TreeObservations, r: NDArray) -> NDArray:
+def standing_out(data: TreeObservations, r: NDArray, told: int) -> NDArray:
     """Return observations that are far out at a start, by the median of their sensor.
 
     Args:
         r: What the start leaves, in the sensors' standard deviations. Shape (R,).
+        told: How many numbers any body fits: that the rest fits contradicts nothing if it has no
+            more.
 
     Returns:
         Boolean, by row of the table. Shape (N,).
@@ -76,7 +78,7 @@ def standing_out(data: TreeObservations, r: NDArray) -> NDArray:
         k, own = rows.measured.shape[1], norms[rows.rows]
         if not data.sigma_held[data.noise_group[rows.first]]:
             out[rows.rows] = own > _FAR * np.sqrt(k / 3.0) * _scale_at_first(data, rows, own)
-    return out
+    return out & ((~out[data.row]).sum() > told)
 
 
 def _scale_at_first(data: TreeObservations, rows: SensorRows, norms: NDArray) -> float:

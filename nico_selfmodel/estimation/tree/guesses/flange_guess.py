@@ -32,6 +32,8 @@ CHECK_FLANGE = (
 """What poses of a flange that are contradicted may come of."""
 _MISFIT = 0.01
 """Usual misfit [rad, spread of the flange] below which the inverse of poses is not tried."""
+_FEWEST_EITHER = 4
+"""Poses that tell which way they go: three fit inverted as well."""
 CARRIED_NEARER = 2.0
 """What a flange carries is not so many times as far from it as what stands is from its base."""
 
@@ -152,7 +154,7 @@ def either_way(
     """
     found = HandEye.from_poses(F, M)
     off = found.misfit(F, M)
-    if off < _MISFIT:
+    if off < _MISFIT or len(F) < _FEWEST_EITHER:
         return found
     other = HandEye.from_poses(inverse(F), M)
     if other.misfit(inverse(F), M) > SMALLER * off:
