@@ -1,5 +1,6 @@
 """A camera on a flange whose pose a controller tells, before corners of known place in the room."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -100,6 +101,16 @@ def test_a_target_in_the_room_that_is_told_too_large_fails_by_its_factor(factor,
     if factor > 1.0:
         told = verdict.reasons[0].split("target on 'world' is told ")[1].split()[0]
         assert float(told) == pytest.approx(factor, abs=0.01)
+
+
+def test_a_target_in_the_room_that_is_told_too_large_fails_before_ten_poses():
+    """Its size had been taken for noise of the flange."""
+    _, data = recorded(np.random.default_rng(1), poses=10)
+    markers = (replace(m, xyz=tuple(1.03 * x for x in m.xyz or ())) for m in data.markers)
+    verdict = judge(calibrate_tree(replace(data, markers=tuple(markers)), effects=()))
+    told = re.match(r"target on 'world' is told (\S+) \+- .* apart, not 30.9\)", verdict.reasons[0])
+    assert told, verdict.reasons
+    assert float(told[1]) == pytest.approx(1.03, abs=0.01)
 
 
 @pytest.mark.slow

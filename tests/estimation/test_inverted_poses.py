@@ -73,6 +73,19 @@ def test_both_sides_are_named_where_nothing_tells_which_is_carried(ratio, flange
     assert ("invert the poses that 'camera' tells" in str(caught.value)) == sensor
 
 
+@pytest.mark.parametrize("seed", [2, 4, 6])
+def test_three_poses_tell_neither_which_way_they_go_nor_which_of_them_is_wrong(seed):
+    """Any two of them fit a body, and all three inverted: each had been blamed for it."""
+    F, M = poses(seed)
+    rng = np.random.default_rng(seed)
+    turns, shifts = 0.02 * rng.normal(size=(20, 3)), 5e-3 * rng.normal(size=(20, 3))
+    F = F @ transform(rotation_from_vector(turns), shifts)
+    for first in range(0, 18, 3):
+        three = slice(first, first + 3)
+        found = calibrate_tree(flange_dataset(F[three], M[three]), effects=())
+        assert not found.solution.outliers.any()
+
+
 @pytest.mark.parametrize(("noise", "refused"), [(0.05, True), (0.5, False)])
 def test_poses_that_fit_neither_way_are_not_called_inverted(noise, refused):
     F, M = poses(3)
@@ -146,6 +159,22 @@ def test_a_hand_eye_calibration_says_whose_turns_were_taken_for_others(how):
     ):
         with pytest.raises(DataError, match=re.escape(words)):
             calibrate_tree(told)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_quaternions_of_a_flange_that_points_down_are_not_taken_for_inverted_poses(seed):
+    """Shifted by one, (1, 0, 0, 0) and its neighbours turn almost the other way round."""
+    rng = np.random.default_rng(seed)
+    X = transform(rotation_from_vector(0.5 * rng.normal(size=3)), 0.05 * rng.normal(size=3))
+    Z = transform(rotation_from_vector(np.array([1.2, -1.2, 1.0])), np.array([1.4, 0.3, 0.7]))
+    w, p = 0.3 * rng.normal(size=(20, 3)), 0.07 * rng.normal(size=(20, 3))
+    down = transform(rotation_from_vector(np.array([np.pi, 0.0, 0.0])), np.array([0.45, 0.0, 0.4]))
+    F = down @ transform(rotation_from_vector(w), p)
+    data = flange_dataset(F, inverse(Z) @ F @ X)
+    flanges = np.array(data.flanges)
+    flanges[:, 0, 3:] = misread(flanges[:, 0, 3:], MISREAD[0])
+    with pytest.raises(DataError, match=re.escape(f"in turns of the flange {MISREAD[0]}")):
+        calibrate_tree(replace(data, flanges=flanges))
 
 
 def test_a_flange_whose_angles_were_taken_for_rotation_vectors_is_told_before_corners():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.body.body_dataset import ObservationTable
+from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.diagnosis.changes_in_time import NOTABLE, Change
 from nico_selfmodel.estimation.diagnosis.jump_taken_for_noise import jump_taken_for_noise
 from nico_selfmodel.estimation.diagnosis.score_sums import ScoreSums
@@ -16,14 +17,16 @@ from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE
 from nico_selfmodel.estimation.tree import tree_findings
 from nico_selfmodel.estimation.tree.forward.joint_errors import MOST_SLIPS
 from nico_selfmodel.estimation.tree.timing import moved_meanwhile as module
+from nico_selfmodel.estimation.tree.timing import parted_sensor
 from nico_selfmodel.estimation.tree.timing.moved_meanwhile import LEAST_RATIO, moved_meanwhile
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+from nico_selfmodel.estimation.tree.tree_setup import Description
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_of
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.optimization.chi_square import chi_square_tail
 
 from ..slow_rest import slow_rest
-from .simulated_trees import observed, one_arm
+from .simulated_trees import observed, one_arm, turned
 from .test_one_problem import flange_dataset, hand_eye_poses
 
 POSES, AFTER = 60, 34
@@ -89,6 +92,43 @@ def test_what_moves_is_named_with_when_and_how_far(what, sensor, said, size):
     assert float(told[1]) == pytest.approx(size, rel=0.2)
     when = int(re.search(r"after sample (\d+)", reason)[1])
     assert abs(when - AFTER) <= 2
+
+
+def of_a_described_arm(seed, turned_by, poses=40):
+    """An arm before two cameras, the right one turned in the middle, and its description."""
+    rng = np.random.default_rng(seed)
+    made = one_arm(seed, joints=5, markers=4, poses=poses, sensor="camera", joint_sigma=5e-4)
+    left, right = made.tree.sensors
+    later_on = replace(made.tree, sensors=(left, moved_by(right, turn=(0.0, turned_by, 0.0))))
+    info = made.data.joints, made.data.markers, made.data.sensors
+    seen = observed(later_on, *info, made.readings_true, rng, joint_sigma=5e-4, sigma=SIGMA)
+    first = made.data.observations.pose < poses // 2
+    later_rows = seen.observations.pose >= poses // 2
+    parts = (made.data.observations, first), (seen.observations, later_rows)
+    both = {
+        f.name: np.concatenate([getattr(table, f.name)[keep] for table, keep in parts])
+        for f in fields(ObservationTable)
+    }
+    off = np.array([X @ turned(rng, 0.3, 0.7) for X in made.tree.X_PJ])
+    data = replace(made.data, observations=ObservationTable(**both))
+    return data, Description(replace(made.tree, X_PJ=off))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20, 24))
+def test_a_camera_that_moved_so_far_that_no_body_explains_it_is_named_with_when(seed):
+    """It had been said to contradict all the rest."""
+    data, description = of_a_described_arm(seed, np.radians(4.0))
+    said = r"sensor 'right' of data set .* moved after sample 19: "
+    with pytest.raises(DataError, match=said):
+        calibrate_tree(data, description=description, effects=())
+
+
+@pytest.mark.parametrize(("part", "last"), [(0.25, 13), (0.35, None), (2.9, None), (4.0, 13)])
+def test_errors_of_a_sensor_part_at_a_sample_where_they_are_far_smaller_on_one_side(part, last):
+    times = np.arange(30)
+    errors = np.where(np.repeat(times, 2) > 13, part, 1.0)
+    assert parted_sensor._parting(times, errors, np.repeat(times, 2)) == last
 
 
 @pytest.mark.parametrize("seed", slow_rest(list(range(3, 15))))

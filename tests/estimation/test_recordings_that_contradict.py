@@ -121,6 +121,20 @@ def test_a_target_of_another_size_fails_by_its_factor():
     assert 1.03 < float(wrong.reasons[0].split(" measured is ")[1].split()[0]) < 1.07
 
 
+@pytest.mark.parametrize(("factor", "status"), [(1.0, "NOT_EVALUATED"), (0.97, "FAIL")])
+@pytest.mark.parametrize("seed", slow_rest(list(range(6)), 2))
+def test_a_target_of_another_size_fails_by_eight_poses_of_a_flange(seed, factor, status):
+    """It had been taken for noise of the flange."""
+    _, _, F, M = hand_eye_poses(np.random.default_rng(seed), 8)
+    M[:, :3, 3] *= factor
+    found = judge(calibrate_tree(flange_dataset(F, M), effects=()))
+    assert found.status == status
+    if factor < 1.0:
+        told = re.search(r"squares are (\S+) % larger than was told: 25.8 mm", found.reasons[0])
+        assert told, found.reasons
+        assert float(told[1]) == pytest.approx(3.1, abs=0.3)
+
+
 def tag_before_a_camera(seed, factor):
     """An arm with a tag whose poses are too long by a factor, and its description a little off."""
     rng = np.random.default_rng(seed)

@@ -61,11 +61,13 @@ def robust_weights(data: TreeObservations, r: NDArray) -> tuple[NDArray, float]:
     return weight[data.row], cost
 
 
-def standing_out(data: TreeObservations, r: NDArray) -> NDArray:
+def standing_out(data: TreeObservations, r: NDArray, told: int) -> NDArray:
     """Return observations that are far out at a start, by the median of their sensor.
 
     Args:
         r: What the start leaves, in the sensors' standard deviations. Shape (R,).
+        told: How many numbers any body fits: that the rest fits contradicts nothing if it has no
+            more.
 
     Returns:
         Boolean, by row of the table. Shape (N,).
@@ -76,7 +78,7 @@ def standing_out(data: TreeObservations, r: NDArray) -> NDArray:
         k, own = rows.measured.shape[1], norms[rows.rows]
         if not data.sigma_held[data.noise_group[rows.first]]:
             out[rows.rows] = own > _FAR * np.sqrt(k / 3.0) * _scale_at_first(data, rows, own)
-    return out
+    return out & ((~out[data.row]).sum() > told)
 
 
 def _scale_at_first(data: TreeObservations, rows: SensorRows, norms: NDArray) -> float:
@@ -243,7 +245,7 @@ def _shared(
             noise = TreeNoise(found.sensor, found.joint, loud=known.loud)
             if found.likelihood > most:
                 best, most = noise.sharing((*start.alike, alike)), found.likelihood
-            told = _asked_for(wider, noise)
+            told = asked_for(wider, noise)
             alike = replace(alike, sigma=_as_told(alike, told, evidence.data.noisy_joints))
     return best
 
@@ -275,7 +277,7 @@ def _first_own(noise: TreeNoise, alike: AlikeErrors) -> TreeNoise:
     return TreeNoise(sensor, joint, loud=noise.loud)
 
 
-def _asked_for(evidence: NoiseEvidence, noise: TreeNoise) -> tuple[NDArray, NDArray]:
+def asked_for(evidence: NoiseEvidence, noise: TreeNoise) -> tuple[NDArray, NDArray]:
     """Return what residuals ask of parameters N(0, 1), and the variances of that. Shapes (P,)."""
     linear = evidence.linear
     both = np.vstack([linear.r, linear.J]) / noise.sensor[evidence.data.noise_group]

@@ -184,7 +184,8 @@ class TreeProblem:
         """
         data = self.observations
         left = self.residuals.residuals(values) / self.scale
-        found = (standing_out(data, left) if outliers is None else outliers) & trim
+        told = len(self.columns) - len(self.priors)
+        found = (standing_out(data, left, told) if outliers is None else outliers) & trim
         groups = data.groups(found)
         slipped = np.zeros((groups.poses, len(data.noisy_joints)), dtype=bool)
         known, steps, rounds, returned = False, 0, 0, np.zeros_like(found)

@@ -13,6 +13,7 @@ from nico_selfmodel.estimation.noise.hand_noise import LARGEST_NOISE
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart
 from nico_selfmodel.estimation.tree.timing.late_sensors import explained_by_lag
+from nico_selfmodel.estimation.tree.timing.parted_sensor import moved_after
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_setup import moving_joints
 from nico_selfmodel.geometry.reflection import reflect
@@ -75,7 +76,43 @@ def refuse_odd_sensor(found: FoundStart, data: BodyDataset, search: Search, seed
     if least < min(LARGEST_NOISE, _SMALLER * worst):
         _refuse_left_handed(few, search, min(LARGEST_NOISE, _SMALLER * worst))
         wrong = [name for name, error in left_by.items() if error < least / _SMALLER]
+        _refuse_moved(wrong, data, search, seed, min(LARGEST_NOISE, _SMALLER * worst))
         raise DataError(_words(wrong, data.name))
+
+
+def _refuse_moved(
+    wrong: list[str], data: BodyDataset, search: Search, seed: int, largest: float
+) -> None:
+    """Refuse sensors of which what they saw before and after some sample fits, each by itself.
+
+    Args:
+        wrong: Sensors that may be.
+        data: The recording.
+        search: Finds a first body.
+        seed: Of which samples are drawn.
+        largest: Usual error above which it does not fit, in the spread of all.
+
+    Raises:
+        DataError: If there are such.
+    """
+
+    def fits(part: BodyDataset) -> FoundStart | None:
+        few = some_samples(part, seed)
+        with suppress(SelfModelError):
+            found = search(few, FEW_STARTS)
+            return found if largest_error(found, few) < largest else None
+        return None
+
+    names, said = [sensor.name for sensor in data.sensors], []
+    for name in wrong:
+        last = moved_after(data, names.index(name), fits)
+        if last is not None:
+            said.append(f"sensor {name!r} of data set {data.name!r} moved after sample {last}")
+    if said:
+        raise DataError(
+            f"{', or '.join(said)}: what it told before and what it told after fits all the rest, "
+            "each by itself; learn from one part alone, or record again"
+        )
 
 
 def _refuse_left_handed(few: BodyDataset, search: Search, largest: float) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset.body.body_dataset import ANY_POSE
+from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
 from nico_selfmodel.dataset.body.sensors import CAMERA, CONTACT, PLANE, POSES
 from nico_selfmodel.estimation.diagnosis.nominal_check import RobotSize, compare_sizes
 from nico_selfmodel.estimation.noise.contradictions import LEAST_SHARE, WHERE_TO_LOOK
@@ -236,11 +236,25 @@ def _of_sensors(calibration: TreeCalibration, *, lengths: bool) -> list[Finding]
         what = f"what sensor {name!r} measured is" if measured else f"{name} is told"
         text = (
             f"{what} {factor:.4g} +- {factor * sigma:.2g} times as long as all else "
-            "says: check the size of the target (a tag, a board's squares, `xyz` of markers), "
-            "distances, and units"
+            f"says{_as_squares(calibration.data, name, factor)}: check the size of the target (a "
+            "tag, a board's squares, `xyz` of markers), distances, and units"
         )
         found.append(Finding(severity, text))
     return sorted(found, key=lambda one: one.severity != CAUSE)
+
+
+def _as_squares(data: BodyDataset, name: str, factor: float) -> str:
+    """Say how large squares of a target are that is told so many times too large, if it is one."""
+    places = [m.xyz for m in data.markers if m.xyz and name in (size_of(m.on), target_on(m.on))]
+    larger = 100.0 * (1.0 / factor - 1.0)
+    off = f"{abs(larger):.1f} % {'larger' if larger > 0.0 else 'smaller'}"
+    if name in {sensor.name for sensor in data.sensors if sensor.kind == POSES}:
+        return f" (squares are {off} than was told: {25.0 / factor:.1f} mm if that was 25)"
+    if len(places) < 2:
+        return ""
+    apart = np.linalg.norm(np.array(places)[:, None] - np.array(places), axis=2)
+    told = 1e3 * float(apart[apart > 0.0].min(initial=apart.max()))
+    return f" (it is {off}: its nearest markers are {told / factor:.1f} mm apart, not {told:.1f})"
 
 
 def size_words(calibration: TreeCalibration) -> list[str]:

@@ -29,6 +29,7 @@ from nico_selfmodel.estimation.tree.known.lens_parts import (
     lens_columns,
     wrong_parts,
 )
+from nico_selfmodel.estimation.tree.known.size_beside_noise import SizeBesideNoise
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
@@ -90,7 +91,8 @@ def held_scores(
         scalars = int(np.count_nonzero(column))
         if name in targets:
             scalars = min(scalars, 6 * _sights(seen, column))
-        scores[name] = _score(own, z, variance, scalars, described, told - 1.0)
+        score = _score(own, z, variance, scalars, described, told - 1.0)
+        scores[name] = _beside_noise(score, problem, solution, column)
     return scores, wrong_parts(lenses, Z[:, : len(lenses)], z, redundancy)
 
 
@@ -209,6 +211,18 @@ def _score(
         sigma = sigma * np.sqrt(after / freedoms)
     value_at, sigmas = np.array([value / size]), np.array([sigma])
     return HeldScore(value**2 / variance, value_at, sigmas, scalars, rare)
+
+
+def _beside_noise(
+    score: HeldScore, problem: TreeProblem, solution: TreeSolution, column: NDArray
+) -> HeldScore:
+    """Return what a size says of itself beside a flange's noise, where that is more."""
+    sights = _sights(problem.observations, column)
+    found = SizeBesideNoise.of(problem, solution, column, sights, CHANCE)
+    if found is None or found.gain < score.gain:
+        return score
+    value, sigma = np.array([found.value]), np.array([found.sigma])
+    return replace(score, gain=found.gain, values=value, sigma=sigma)
 
 
 def severity_of(score: HeldScore) -> str:

@@ -32,6 +32,8 @@ CHECK_FLANGE = (
 """What poses of a flange that are contradicted may come of."""
 _MISFIT = 0.01
 """Usual misfit [rad, spread of the flange] below which the inverse of poses is not tried."""
+_FEWEST_EITHER = 4
+"""Poses that tell which way they go: three fit inverted as well."""
 CARRIED_NEARER = 2.0
 """What a flange carries is not so many times as far from it as what stands is from its base."""
 
@@ -93,9 +95,9 @@ def _by_target(
     M = transform(rotation_from_vector(vectors), rows.measured[own, :3])
     M = M if on_hand else inverse(M)
     names = data.joint_names[flange], info.name, data.markers[m].name
-    found = either_way(F, M, names, carried=not on_hand)
     told = np.asarray(data.flanges)[rows.pose[own], flange, 3:]
     _refuse_other_turns(F, M, told, vectors, names, carried=not on_hand)
+    found = either_way(F, M, names, carried=not on_hand)
     # On the hand F X = Z M; a sensor on the hand that sees the world: F X M = Z.
     at, sensor_at = (found.X, found.Z) if on_hand else (found.Z, found.X)
     markers = list(tree.markers)
@@ -117,9 +119,9 @@ def _by_corners(
         placed = placed_by_known(data, tree, rows, rng, known).X_WC
         F, M = data.X_flange[list(placed), flange], np.array(list(placed.values()))
         names = data.joint_names[flange], rows.name, "what it sees"
-        found = either_way(F, M, names, carried=True, told=False)
         told = np.asarray(data.flanges)[list(placed), flange, 3:]
         _refuse_other_turns(F, M, told, None, names, carried=True)
+        found = either_way(F, M, names, carried=True, told=False)
         places[rows.name] = found.X
         X_PJ[flange] = inverse(found.Z)
     tree = replace(with_sensors(tree, places), X_PJ=X_PJ)
@@ -152,7 +154,7 @@ def either_way(
     """
     found = HandEye.from_poses(F, M)
     off = found.misfit(F, M)
-    if off < _MISFIT:
+    if off < _MISFIT or len(F) < _FEWEST_EITHER:
         return found
     other = HandEye.from_poses(inverse(F), M)
     if other.misfit(inverse(F), M) > SMALLER * off:
@@ -189,6 +191,8 @@ def _refuse_other_turns(
 ) -> None:
     """Refuse poses that fit once turns are read as they were meant: as angles, w first and so on.
 
+    They must fit better than inverted poses would, which may seem to fit by chance.
+
     Args:
         F, M: See `either_way`.
         of_flange: Turns of the flange as rotation vectors [rad], as they were told. Shape (K, 3).
@@ -199,8 +203,9 @@ def _refuse_other_turns(
         DataError: If there are such.
     """
     off = _misfit(F, M)
-    if off < _MISFIT:
+    if not _MISFIT <= off < np.inf:  # who hardly turns is told so
         return
+    off = min(off, _misfit(inverse(F), M) / SMALLER)
 
     def with_flange(R: NDArray, seen: NDArray = M) -> float:
         return _misfit(transform(R, F[:, :3, 3]), seen)
