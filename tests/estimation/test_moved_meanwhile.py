@@ -3,6 +3,7 @@
 import re
 from dataclasses import fields, replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from nico_selfmodel.estimation.tree import tree_findings
 from nico_selfmodel.estimation.tree.forward.joint_errors import MOST_SLIPS
 from nico_selfmodel.estimation.tree.timing import moved_meanwhile as module
 from nico_selfmodel.estimation.tree.timing import parted_sensor
+from nico_selfmodel.estimation.tree.timing.lone_outliers import lone_outliers
 from nico_selfmodel.estimation.tree.timing.moved_meanwhile import LEAST_RATIO, moved_meanwhile
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_setup import Description
@@ -304,3 +306,44 @@ def test_a_jump_is_named_though_its_joint_would_be_read_wrongly_in_most_poses(se
     found = calibrate_tree(data, effects=())
     assert found.solution.slipped[:, 1].mean() > MOST_SLIPS
     assert judge(found).reasons[0].startswith(f"the encoder of 'j2' {said}")
+
+
+def turned_camera(shift, poses=40):
+    """An arm before two cameras, one turned halfway, with a detection in thirty far off."""
+    arm = one_arm(1, 5, markers=8, poses=poses, sensor="camera", joint_sigma=np.radians(0.2))
+    table, rng = arm.data.observations, np.random.default_rng(1)
+    values = table.values.copy()
+    values[(table.sensor == 0) & (table.pose >= poses // 2), 0] += shift
+    wrong, turn = rng.random(len(values)) < 0.03, rng.uniform(0.0, 2.0 * np.pi, len(values))
+    far = rng.uniform(15.0, 150.0, len(values)) * [np.cos(turn), np.sin(turn)]
+    values[wrong, :2] += far.T[wrong]
+    return replace(arm.data, observations=replace(table, values=values))
+
+
+@pytest.mark.slow
+def test_wrong_detections_here_and_there_do_not_hide_a_camera_that_turned():
+    found = calibrate_tree(turned_camera(2.0), effects=())
+    reasons = " ".join(judge(found).reasons)
+    assert "sensor 'left' moved by about" in reasons
+    assert "after sample 19" in reasons
+
+
+@pytest.mark.parametrize(
+    ("set_aside", "lone"),
+    [
+        ([(0, 0), (7, 1)], [True, True]),
+        ([(pose, 0) for pose in range(8)], [False] * 8),
+        ([(3, marker) for marker in range(4)], [False] * 4),
+        ([(0, 1), *((pose, 0) for pose in range(8, 16))], [True] + [False] * 8),
+    ],
+)
+def test_many_outliers_of_a_marker_or_a_pose_are_no_lone_ones(set_aside, lone):
+    pose, marker = np.divmod(np.arange(240), 6)
+    table = SimpleNamespace(pose=pose, marker=marker, sensor=np.zeros(240, dtype=int))
+    data: Any = SimpleNamespace(observations=table, sample=np.arange(40))
+    rows = [6 * pose + marker for pose, marker in set_aside]
+    outliers = np.zeros(240, dtype=bool)
+    outliers[rows] = True
+    found = lone_outliers(data, outliers)
+    assert found[rows].tolist() == lone
+    assert not found[~outliers].any()

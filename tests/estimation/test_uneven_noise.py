@@ -11,6 +11,7 @@ from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.bending.what_bends import kept_words
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
+from nico_selfmodel.estimation.tree.timing.noisy_gears import noisy_gears
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_setup import Wishes
 
@@ -90,6 +91,22 @@ def test_a_gear_that_contradicts_its_unit_is_a_fault_of_the_joint_by_name(gear, 
         assert found.tree.gear[2] == pytest.approx(gear, abs=2e-3)
         (words,) = kept_words(found.ladder, found.tree.bending, found.at)
         assert words.startswith("gears are a little off (`j3.gear` is 1.00")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("gear", "named"), [(1.03, True), (1.0, False)])
+def test_a_gear_of_which_half_looks_like_noise_is_named_with_its_value(gear, named):
+    noise = np.radians(0.2) * np.where(np.arange(7) == 3, 1.0 if named else 5.0, 1.0)
+    arm = one_arm(0, joints=7, markers=2, poses=30, joint_sigma=noise)
+    readings = arm.data.readings * np.where(np.arange(7) == 3, gear, 1.0)
+    found = calibrate_tree(replace(arm.data, readings=readings), effects=())
+    # Where links are described, unseen poses gain too little for the ladder to tell the gear.
+    found = replace(found, ladder=replace(found.ladder, steps=()))
+    assert 3 in found.solution.noise.loud
+    assert any("`j4.gear` is held at 1" in reason for reason in judge(found).reasons) is named
+    bend = found.ladder.solution
+    for told in noisy_gears(bend.problem, bend.solution):
+        assert told.value == pytest.approx(gear, abs=3.0 * told.sigma)
 
 
 @pytest.mark.slow

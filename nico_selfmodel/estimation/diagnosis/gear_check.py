@@ -7,10 +7,10 @@ from nico_selfmodel.estimation.diagnosis.score_test import ArmTest, Score
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 
 _LEAST_CHANGE = 0.02
-_LEAST_SIGMAS = 5.0
+LEAST_SIGMAS = 5.0
 _NEAR = 0.1
 """How far from 1 a gear may be that one step tells."""
-_AS_MUCH = 0.8
+AS_MUCH = 0.8
 """Part of what waves in a joint's angle explain that its gear must explain by itself."""
 
 
@@ -49,10 +49,10 @@ def doubtful_gears(
     found = []
     for i, step, sigma in zip(columns, score.values, score.sigma, strict=True):
         value, name = float(parameters.values[i]), parameters.names[i]
-        if abs(step) <= max(_LEAST_CHANGE * value, _LEAST_SIGMAS * sigma):
+        if abs(step) <= max(_LEAST_CHANGE * value, LEAST_SIGMAS * sigma):
             continue
         wave = ripples.get(name.removesuffix(".gear"))
-        if wave is None or test.of(by_gear[:, :, [i]]).gain > _AS_MUCH * wave.gain:
+        if wave is None or test.of(by_gear[:, :, [i]]).gain > AS_MUCH * wave.gain:
             found.append(DoubtfulGear(name, value + float(step), float(sigma)))
     return tuple(sorted(found, key=lambda gear: -abs(gear.value - 1.0)))
 

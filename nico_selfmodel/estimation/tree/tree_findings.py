@@ -50,6 +50,7 @@ from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_en
 from nico_selfmodel.estimation.tree.contradictions.wrong_readings import gears_taken_for_noise
 from nico_selfmodel.estimation.tree.known.described_scale import contradicted_description
 from nico_selfmodel.estimation.tree.timing.moved_meanwhile import moved_meanwhile
+from nico_selfmodel.estimation.tree.timing.noisy_gears import noisy_gears
 from nico_selfmodel.estimation.tree.timing.off_at_once import sensors_off_at_once
 from nico_selfmodel.estimation.tree.timing.patterned_errors import patterned_findings
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
@@ -226,7 +227,9 @@ def _doubtful_gears(calibration: TreeCalibration) -> list[DoubtfulGear]:
     found = [*calibration.ladder.doubtful_gears]
     if found or unexplained_sensors(calibration):
         return found
-    return gears_taken_for_noise(calibration.train.observations, calibration.solution)
+    bend = calibration.ladder.solution
+    by_scores = noisy_gears(bend.problem, bend.solution)
+    return by_scores or gears_taken_for_noise(calibration.train.observations, calibration.solution)
 
 
 def _loud_words(calibration: TreeCalibration, doubtful: list[DoubtfulGear]) -> list[str]:

@@ -17,7 +17,7 @@ from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
 
 _FOLLOWS = 0.9
 """Share of a joint's squared errors that follow its reading from which on these are its gear's."""
-_LARGEST_GEAR = 0.01
+LARGEST_GEAR = 0.01
 """A gear that is told and off by more is no play."""
 _FEWEST_READINGS = 10
 """Readings by which a gear is told from noise."""
@@ -69,7 +69,7 @@ def gears_taken_for_noise(seen: TreeObservations, solution: TreeSolution) -> lis
         e, q = e - e.mean(), q - q.mean()
         slope = float(e @ q / (q @ q))
         left = float(np.sum((e - slope * q) ** 2))
-        if left > (1.0 - _FOLLOWS) * float(e @ e) or abs(slope) < _LARGEST_GEAR:
+        if left > (1.0 - _FOLLOWS) * float(e @ e) or abs(slope) < LARGEST_GEAR:
             continue
         sigma = float(np.sqrt(left / (len(e) - 2) / (q @ q)))
         found.append(DoubtfulGear(f"{joint.name}.gear", 1.0 / (1.0 + slope), sigma))

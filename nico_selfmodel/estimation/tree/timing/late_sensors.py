@@ -1,6 +1,6 @@
 """Sensors of a body, or its encoders, of another moment than the rest: `diagnosis.lag_in_time`."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from nico_selfmodel.estimation.diagnosis.lag_in_time import Steps, lag_in_time, 
 from nico_selfmodel.estimation.diagnosis.score_test import ScoreTest
 from nico_selfmodel.estimation.tree.forward.joint_errors import MOST_SLIPS
 from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart
+from nico_selfmodel.estimation.tree.timing.weighed_body import WeighedBody
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
@@ -41,7 +42,7 @@ def late_sensors(
     kinds = {rows.name: rows for rows in seen.sensors if rows.kind in SIGHTS and not rows.apart}
     if not solution.variances_known or not kinds:
         return None
-    weighed = _WeighedBody.of(problem, _as_read(solution))
+    weighed = WeighedBody.of(problem, _as_read(solution))
     test = ScoreTest(weighed, weighed.slopes, weighed.fitted)
     tree = problem.residuals.parameters.tree_of(solution.values)
     steps = _steps(_in_order(seen.data, besides), tree, seen)
@@ -79,45 +80,6 @@ def explained_by_lag(found: FoundStart) -> bool:
     except SelfModelError:
         return False
     return late is not None and late.explains
-
-
-@dataclass(frozen=True, eq=False)
-class _WeighedBody:
-    """See `diagnosis.score_test.Weighed`: each number a row, in its sensor's standard deviation."""
-
-    problem: TreeProblem
-    solution: TreeSolution
-    residuals: NDArray
-    by_angle: NDArray
-    slopes: NDArray
-    """By what is free. Shape (R, 1, k)."""
-    rows: NDArray
-    fitted: NDArray
-    """The same whitened, priors last. Shape (T, k)."""
-    whitened_residuals: NDArray
-
-    @classmethod
-    def of(cls, problem: TreeProblem, solution: TreeSolution) -> "_WeighedBody":
-        linear, scale = problem.residuals.linear(solution.values), problem.scale[:, None]
-        rows = np.flatnonzero(~solution.outliers[problem.observations.row])
-        U, white = problem.whitened_at(solution)
-        priors = slice(len(white), None)
-        return cls(
-            problem,
-            solution,
-            -linear.r[:, None] / scale,
-            (linear.by_joint / scale)[:, None],
-            (linear.J[problem.columns].T / scale)[:, None],
-            rows,
-            np.vstack([U, solution.whitened[priors]]),
-            -np.append(white, solution.rest[priors]),
-        )
-
-    def whitened(self, columns: NDArray) -> NDArray:
-        beside = columns[:, 0] * self.problem.scale[:, None]
-        free = len(self.problem.columns)
-        white = self.problem.whitened_at(self.solution, beside)[0][:, free:]
-        return np.pad(white, ((0, len(self.solution.rest) - len(white)), (0, 0)))
 
 
 def _as_read(solution: TreeSolution) -> TreeSolution:

@@ -3,7 +3,7 @@
 The score test of `estimation.diagnosis.changes_in_time` on any body: an encoder that jumped, a
 marker that was knocked, a camera, tracker or mirror that was moved, after any sample, by and by or
 at once. Observations and readings that were set aside take part: what contradicts all that was
-before is no noise.
+before is no noise. Wrong detections here and there do not.
 """
 
 from collections.abc import Iterator
@@ -28,6 +28,7 @@ from nico_selfmodel.estimation.diagnosis.jump_taken_for_noise import jump_taken_
 from nico_selfmodel.estimation.diagnosis.score_sums import MARGIN, CourseFound, Left, ScoreSums
 from nico_selfmodel.estimation.tree.forward.joint_errors import MOST_SLIPS, shown_errors
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
+from nico_selfmodel.estimation.tree.timing.lone_outliers import lone_outliers
 from nico_selfmodel.estimation.tree.tree_noise import tree_whitening
 from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, TURNS
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
@@ -65,13 +66,15 @@ def moved_meanwhile(problem: TreeProblem, solution: TreeSolution) -> Change | No
     np.maximum.at(last, rank[timed], data.sample[timed])
     linear = problem.residuals.linear(solution.values)
     groups, columns = _groups(problem, linear, solution)
-    white, left = _left(problem, solution, linear, columns, rank[seen.sample])
+    lone = lone_outliers(data, solution.outliers)
+    row = seen.row[~lone[seen.row]]
+    white, left = _left(problem, solution, linear, columns, rank[seen.sample], lone)
     size = white.shape[1] ** 2
     most = int(np.clip(_MOST_NUMBERS / size, _FEWEST_SPANS, _MOST_SPANS))
     free = len(problem.free_names)
     prior = solution.whitened[-len(problem.priors) or len(solution.whitened) :]
     pulled = prior / left.scale[:free], -solution.rest[len(solution.rest) - len(prior) :]
-    sums = ScoreSums.of(white, left.visit, left, np.arange(free), last, pulled, seen.row, most)
+    sums = ScoreSums.of(white, left.visit, left, np.arange(free), last, pulled, row, most)
 
     def mixed(found: CourseFound) -> bool:
         spans = np.minimum(np.searchsorted(sums.last, data.sample), len(found.course) - 1)
@@ -187,16 +190,22 @@ def _left(
     linear: TreeLinear,
     columns: NDArray,
     visit: NDArray,
+    lone: NDArray,
 ) -> tuple[NDArray, Left]:
-    """Return residuals and derivatives, whitened and as they are in their sensors' sigmas."""
-    nothing = np.zeros_like(solution.outliers)
-    everything = replace(solution, outliers=nothing, slipped=_now_and_then(problem, solution))
-    U, white = problem.whitened_at(everything, columns)
+    """Return residuals and derivatives, whitened and as they are in their sensors' sigmas.
+
+    Args:
+        visit: Of each number. Shape (R,).
+        lone: Observations that take no part. Boolean, by row of the table, shape (N,).
+    """
+    kept = ~lone[problem.observations.row]
+    taken = replace(solution, outliers=lone, slipped=_now_and_then(problem, solution))
+    U, white = problem.whitened_at(taken, columns)
     by_all = np.column_stack([linear.J[problem.columns].T, columns]) / problem.scale[:, None]
     # Those of what nobody tells are 0.
     scale = 1.0 / np.maximum(np.linalg.norm(by_all, axis=0), np.finfo(float).tiny)
-    residuals = -(linear.r / problem.scale)[:, None]
-    left = Left(residuals, (by_all * scale)[:, None, :], scale, visit)
+    residuals = -(linear.r / problem.scale)[kept, None]
+    left = Left(residuals, (by_all * scale)[kept, None, :], scale, visit[kept])
     return np.column_stack([-white, U * scale]), left
 
 
