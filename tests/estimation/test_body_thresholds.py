@@ -32,8 +32,8 @@ from nico_selfmodel.estimation.tree.contradictions.standing_still import (
     still_readings,
 )
 from nico_selfmodel.estimation.tree.contradictions.told_values import agreeing_start
-from nico_selfmodel.estimation.tree.contradictions.wrong_readings import gears_taken_for_noise
 from nico_selfmodel.estimation.tree.timing import off_at_once
+from nico_selfmodel.estimation.tree.timing.noisy_gears import is_off
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_setup import Wishes
@@ -179,32 +179,20 @@ def test_turns_that_are_off_by_fifteen_degrees_are_no_noise(turning, degrees, fa
 
 
 @pytest.mark.parametrize(
-    ("slope", "scatter", "count", "named"),
+    ("step", "sigma", "gain", "named"),
     [
-        (-0.05, 0.0, 30, True),
-        (-0.0105, 0.0, 30, True),
-        (-0.0095, 0.0, 30, False),
-        (-0.05, 0.32, 30, True),
-        (-0.05, 0.35, 30, False),
-        (-0.05, 0.0, 10, True),
-        (-0.05, 0.0, 9, False),
+        (-0.05, 1e-3, 100.0, True),
+        (-0.0105, 1e-3, 100.0, True),
+        (-0.0095, 1e-3, 100.0, False),
+        (0.05, 0.0098, 100.0, True),
+        (0.05, 0.0102, 100.0, False),
+        (0.05, 1e-3, 81.0, True),
+        (0.05, 1e-3, 79.0, False),
     ],
 )
-def test_errors_that_follow_a_joint_s_reading_are_its_gear_s(slope, scatter, count, named):
-    q = np.where(np.arange(30) % 2, 1.0, -1.0)
-    other = np.where(np.arange(30) % 4 < 2, 1.0, -1.0)
-    other -= q * (q @ other) / (q @ q)
-    errors = slope * (q + scatter * other * np.sqrt(30.0 / (other @ other)))
-    errors[count:] = 0.0
-    data = SimpleNamespace(
-        joints=[SimpleNamespace(name="elbow", gear_known=True)], si_readings=q[:, None]
-    )
-    seen = SimpleNamespace(noisy_joints=[(0, 0)], data=data)
-    noise = SimpleNamespace(loud={0})
-    found = gears_taken_for_noise(seen, SimpleNamespace(noise=noise, joint_errors=errors[:, None]))
-    assert [gear.name for gear in found] == ["elbow.gear"] * named
-    if named:
-        assert found[0].value == pytest.approx(1.0 / (1.0 + slope), rel=0.02)
+def test_a_gear_is_off_by_a_percent_and_five_sigmas_and_explains_most(step, sigma, gain, named):
+    """Of 100 that it and waves in the joint's angle explain."""
+    assert is_off(step, sigma, gain, 100.0) is named
 
 
 @pytest.mark.parametrize(("times", "named"), [(1.95, False), (2.05, True)])

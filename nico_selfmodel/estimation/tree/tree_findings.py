@@ -47,7 +47,6 @@ from nico_selfmodel.estimation.tree.contradictions.sensor_noise import (
     unexplained_sensors,
 )
 from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
-from nico_selfmodel.estimation.tree.contradictions.wrong_readings import gears_taken_for_noise
 from nico_selfmodel.estimation.tree.known.described_scale import contradicted_description
 from nico_selfmodel.estimation.tree.timing.moved_meanwhile import moved_meanwhile
 from nico_selfmodel.estimation.tree.timing.noisy_gears import noisy_gears
@@ -228,8 +227,7 @@ def _doubtful_gears(calibration: TreeCalibration) -> list[DoubtfulGear]:
     if found or unexplained_sensors(calibration):
         return found
     bend = calibration.ladder.solution
-    by_scores = noisy_gears(bend.problem, bend.solution)
-    return by_scores or gears_taken_for_noise(calibration.train.observations, calibration.solution)
+    return noisy_gears(bend.problem, bend.solution)
 
 
 def _loud_words(calibration: TreeCalibration, doubtful: list[DoubtfulGear]) -> list[str]:

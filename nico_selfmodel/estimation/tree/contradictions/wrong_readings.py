@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
-from nico_selfmodel.estimation.diagnosis.gear_check import DoubtfulGear
 from nico_selfmodel.estimation.noise.contradictions import (
     LEAST_SHARE,
     Contradictions,
@@ -15,12 +14,6 @@ from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
 
-_FOLLOWS = 0.9
-"""Share of a joint's squared errors that follow its reading from which on these are its gear's."""
-LARGEST_GEAR = 0.01
-"""A gear that is told and off by more is no play."""
-_FEWEST_READINGS = 10
-"""Readings by which a gear is told from noise."""
 _TELLING = 3
 """Observations of a pose from which on most of them being off is no matter of single labels."""
 
@@ -44,35 +37,6 @@ def read_wrongly(
         slipped = solution.slipped[visits[visits < len(solution.slipped)], j]
         if not seen.unread[j] and slipped.sum() > 1 and outliers_are_many(slipped) is not None:
             found.setdefault(seen.data.joints[i].name, (int(slipped.sum()), len(slipped)))
-    return found
-
-
-def gears_taken_for_noise(seen: TreeObservations, solution: TreeSolution) -> list[DoubtfulGear]:
-    """Return gears of joints that are read worse than others, as errors that follow readings ask.
-
-    Where a joint may be as noisy as it likes, a gear of its own explains little more. Errors e of
-    readings q with mean b q + c are of a gear 1 / (1 + b).
-
-    Args:
-        seen: What was seen.
-        solution: Where the adjustment ended.
-    """
-    found = []
-    for k in sorted(solution.noise.loud):
-        i, joint = seen.noisy_joints[k][0], seen.data.joints[seen.noisy_joints[k][0]]
-        if solution.joint_errors is None or not joint.gear_known:
-            continue
-        shown = solution.joint_errors[:, k] != 0.0
-        e, q = solution.joint_errors[shown, k], seen.data.si_readings[shown, i]
-        if shown.sum() < _FEWEST_READINGS or not np.ptp(q):
-            continue
-        e, q = e - e.mean(), q - q.mean()
-        slope = float(e @ q / (q @ q))
-        left = float(np.sum((e - slope * q) ** 2))
-        if left > (1.0 - _FOLLOWS) * float(e @ e) or abs(slope) < LARGEST_GEAR:
-            continue
-        sigma = float(np.sqrt(left / (len(e) - 2) / (q @ q)))
-        found.append(DoubtfulGear(f"{joint.name}.gear", 1.0 / (1.0 + slope), sigma))
     return found
 
 

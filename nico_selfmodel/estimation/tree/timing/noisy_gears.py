@@ -9,10 +9,12 @@ import numpy as np
 from nico_selfmodel.estimation.diagnosis.gear_check import AS_MUCH, LEAST_SIGMAS, DoubtfulGear
 from nico_selfmodel.estimation.diagnosis.score_test import ScoreTest
 from nico_selfmodel.estimation.diagnosis.systematic_residuals import FEWEST_POSES
-from nico_selfmodel.estimation.tree.contradictions.wrong_readings import LARGEST_GEAR
 from nico_selfmodel.estimation.tree.timing.weighed_body import WeighedBody
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
+
+_LARGEST_GEAR = 0.01
+"""A gear that is told and off by more is no play."""
 
 
 def noisy_gears(problem: TreeProblem, solution: TreeSolution) -> list[DoubtfulGear]:
@@ -46,7 +48,19 @@ def noisy_gears(problem: TreeProblem, solution: TreeSolution) -> list[DoubtfulGe
         gear = turn * -place[:, None, None]
         score, both = test.of(gear), test.of(np.concatenate([gear, turn * waves[:, None]], axis=2))
         step, sigma = float(score.values[0]), float(score.sigma[0])
-        if abs(step) < max(LARGEST_GEAR, LEAST_SIGMAS * sigma) or score.gain < AS_MUCH * both.gain:
-            continue
-        found.append(DoubtfulGear(f"{seen.data.joints[i].name}.gear", 1.0 + step, sigma))
+        if is_off(step, sigma, score.gain, both.gain):
+            found.append(DoubtfulGear(f"{seen.data.joints[i].name}.gear", 1.0 + step, sigma))
     return found
+
+
+def is_off(step: float, sigma: float, gain: float, with_waves: float) -> bool:
+    """Return whether it is a gear that is off, no play and nothing that is uneven over a turn.
+
+    Args:
+        step: By how much.
+        sigma: Of that.
+        gain: Fall of chi square by the gear.
+        with_waves: By it and waves in the angle.
+    """
+    sure = abs(step) > max(_LARGEST_GEAR, LEAST_SIGMAS * sigma)
+    return sure and gain > AS_MUCH * with_waves
