@@ -320,7 +320,7 @@ class MarkFinder:
         ]
 
     def _on_arm(self, pair: Pair, a: Blob, b: Blob) -> bool:
-        """Return whether a camera expects the arm there, beside which nothing is told apart.
+        """Return whether a camera expects the arm there: paint on it may seem to be beside it.
 
         What is seen at its outline may have its middle beside it.
         """
