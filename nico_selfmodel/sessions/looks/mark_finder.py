@@ -52,9 +52,10 @@ PIXEL_SIGMA = 0.08
 DISC_SIGMA = 0.03
 """What the disc of paint in each picture is not known by by itself, besides its fit; set on robot
 1846 [px]."""
-ARM_SIGMA = 1e-4
-"""What places of a link that moves are not known by besides, each coordinate: where the learned arm
-has that link's frame, and how it was seen to stand; set on 33 places of robots 1934 to 1951 [m]."""
+LINK_SIGMA = 1e-4
+"""What the place of a mark is not known by besides, each coordinate: where the learned body has the
+frame of the link that it is on, alike in all looks, another for each robot; of the arm set on 33
+places of robots 1934 to 1951, of head and chest on robots 1929 to 1951 and 1952 to 1967 [m]."""
 
 Pair = tuple[MirrorLook, MirrorLook]
 Told = list[tuple[Spot, bool]]
@@ -340,9 +341,12 @@ class MarkFinder:
             own = image.surfaces[link].solids if link in image.surfaces else ()
             solids += [Solid(one.kind, one.size, X_WF @ one.X_FS) for one in own]
             links += [link] * len(own)
-        place_sigma = {link: self._unknown[name].place_sigma(link) for link in poses}
+        unknown = self._unknown[name]
+        place_sigma = {
+            link: float(np.hypot(unknown.place_sigma(link), LINK_SIGMA)) for link in poses
+        }
         if arm is not None:
-            place_sigma |= dict.fromkeys((image.links[k] for k in image.moving), ARM_SIGMA)
+            place_sigma |= dict.fromkeys((image.links[k] for k in image.moving), LINK_SIGMA)
         m = 3 * known.mirrors.index(name)
         rows = [*range(m, m + 3), *range(3 * len(known.mirrors), len(known.covariance))]
         covariance = known.covariance[np.ix_(rows, rows)]
