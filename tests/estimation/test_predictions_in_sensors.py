@@ -82,6 +82,22 @@ def test_pixels_do_not_depend_on_the_frame_that_places_are_told_in():
     np.testing.assert_allclose(shown, left.pixels["left"], atol=1e-6)
 
 
+def test_what_is_out_of_a_picture_has_no_pixels():
+    model = body_of(one_arm(2, sensor="camera"))
+    readings = np.random.default_rng(0).uniform(-1.0, 1.0, (40, 5))
+    pixels = predict_body(model, readings).pixels["left"]
+    narrow = replace(model.tree.lenses["left"], image_size=(320, 480))
+    tree = replace(model.tree, lenses={**model.tree.lenses, "left": narrow})
+    cut = predict_body(replace(model, tree=tree), readings).pixels["left"]
+    inside = pixels[..., 0] < 319.5
+    assert inside.any()
+    assert not inside.all()
+    np.testing.assert_array_equal(cut[inside], pixels[inside])
+    assert np.isnan(cut[~inside]).all()
+    seen = pixels[np.isfinite(pixels).all(axis=-1)]
+    assert ((seen > -0.5) & (seen < np.array([639.5, 479.5]))).all()
+
+
 def test_a_frame_that_is_no_sensor_is_refused_by_name():
     made = one_arm(2, joints=2)
     with pytest.raises(ValueError, match="no sensor 'tracer', did you mean 'tracker'"):

@@ -115,11 +115,16 @@ def _watcher(tree: BodyTree, frame: str | None) -> Attached:
 
 
 def _seen(motion: TreeMotion, camera: str, p_WQ: NDArray) -> NDArray:
-    """Return where a camera sees points of each pose [px]. (N, m, 3) -> (N, m, 2)."""
+    """Return where a camera sees points of each pose, nan out of its picture [px].
+
+    Shape (N, m, 3) -> (N, m, 2).
+    """
     X_CW = inverse(_poses(motion, camera))
     seen = apply(X_CW[:, None], p_WQ).reshape(-1, 3)
     lens = motion.tree.lenses[camera].at(np.eye(4))
-    return lens.project(seen).reshape(*p_WQ.shape[:2], 2)
+    pixels = lens.project(seen).reshape(*p_WQ.shape[:2], 2)
+    inside = ((pixels > -0.5) & (pixels < np.array(lens.image_size) - 0.5)).all(axis=-1)
+    return np.where(inside[..., None], pixels, np.nan)
 
 
 def _reflected(motion: TreeMotion, camera: str, plane: Plane, p_WQ: NDArray) -> NDArray:
