@@ -123,8 +123,8 @@ def _seen(motion: TreeMotion, camera: str, p_WQ: NDArray) -> NDArray:
     seen = apply(X_CW[:, None], p_WQ).reshape(-1, 3)
     lens = motion.tree.lenses[camera].at(np.eye(4))
     pixels = lens.project(seen).reshape(*p_WQ.shape[:2], 2)
-    inside = ((pixels > -0.5) & (pixels < np.array(lens.image_size) - 0.5)).all(axis=-1)
-    return np.where(inside[..., None], pixels, np.nan)
+    inside = (pixels > -0.5) & (pixels < np.array(lens.image_size) - 0.5)
+    return np.where(np.all(inside, axis=-1, keepdims=True), pixels, np.nan)
 
 
 def _reflected(motion: TreeMotion, camera: str, plane: Plane, p_WQ: NDArray) -> NDArray:
