@@ -114,7 +114,7 @@ def test_a_frozen_encoder_is_named(train):
     ],
 )
 def test_an_encoder_that_stands_in_part_of_a_recording_fails_by_name(train, poses, named):
-    """Of 70 poses; no more than an eighth of them are set aside with a word."""
+    """In a fifth, a third and a half of 70 poses."""
     encoders = train.encoders.copy()
     encoders[15 : 15 + poses, 1] = encoders[15, 1]
     reason = failing(replace(train, encoders=encoders))

@@ -32,8 +32,8 @@ from nico_selfmodel.estimation.tree.contradictions.standing_still import (
     still_readings,
 )
 from nico_selfmodel.estimation.tree.contradictions.told_values import agreeing_start
+from nico_selfmodel.estimation.tree.contradictions.wrong_readings import is_off
 from nico_selfmodel.estimation.tree.timing import off_at_once
-from nico_selfmodel.estimation.tree.timing.noisy_gears import is_off
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_setup import Wishes

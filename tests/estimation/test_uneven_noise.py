@@ -11,7 +11,7 @@ from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.bending.what_bends import kept_words
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
-from nico_selfmodel.estimation.tree.timing.noisy_gears import noisy_gears
+from nico_selfmodel.estimation.tree.contradictions.wrong_readings import noisy_gears
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_setup import Wishes
 

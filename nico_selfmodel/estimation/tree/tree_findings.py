@@ -47,9 +47,9 @@ from nico_selfmodel.estimation.tree.contradictions.sensor_noise import (
     unexplained_sensors,
 )
 from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
+from nico_selfmodel.estimation.tree.contradictions.wrong_readings import noisy_gears
 from nico_selfmodel.estimation.tree.known.described_scale import contradicted_description
 from nico_selfmodel.estimation.tree.timing.moved_meanwhile import moved_meanwhile
-from nico_selfmodel.estimation.tree.timing.noisy_gears import noisy_gears
 from nico_selfmodel.estimation.tree.timing.off_at_once import sensors_off_at_once
 from nico_selfmodel.estimation.tree.timing.patterned_errors import patterned_findings
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
