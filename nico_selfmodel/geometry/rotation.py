@@ -227,6 +227,32 @@ def frame_along(direction: ArrayLike) -> NDArray:
     return np.column_stack([tangent_basis(direction), direction])
 
 
+def turned_to_z(directions: ArrayLike) -> NDArray:
+    """Return the rotations by the least angle that turn directions u to the z axis.
+
+        R = 1 + [v] + [v]^2 / (1 + u.z),  v = u x z,  1 / (1 + u.z) = (1 - u.z) / |v|^2
+
+    Args:
+        directions: Of any length but 0; nothing is turned by that. Shape (N, 3).
+
+    Returns:
+        Shape (N, 3, 3).
+    """
+    p = np.asarray(directions, dtype=float)
+    length = np.linalg.norm(p, axis=1, keepdims=True)
+    u = np.where(length > 0.0, p / np.where(length > 0.0, length, 1.0), [0.0, 0.0, 1.0])
+    x, y, z = u.T
+    across = x * x + y * y
+    behind = (z < 0.0) & (across == 0.0)
+    over = np.where(z < 0.0, (1.0 - z) / np.where(across > 0.0, across, 1.0), 1.0 / (1.0 + abs(z)))
+    R = np.empty((len(u), 3, 3))
+    R[:, 0] = np.stack([1.0 - x * x * over, -x * y * over, -x], axis=1)
+    R[:, 1] = np.stack([-x * y * over, 1.0 - y * y * over, -y], axis=1)
+    R[:, 2] = u
+    R[behind] = np.diag([1.0, -1.0, -1.0])
+    return R
+
+
 def move_on_sphere(direction: ArrayLike, step: ArrayLike) -> tuple[NDArray, NDArray]:
     """Follow great circles: d(t) = d cos|t| + B t sin|t|/|t|, with its derivative.
 

@@ -16,6 +16,7 @@ from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES, SIGHTS
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_errors import told_by
+from nico_selfmodel.estimation.tree.tree_noise import sensor_noise_named
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.geometry.transform import apply, inverse
@@ -200,7 +201,7 @@ def _rows(
         return J[:, by_pixel] if by_pixel.any() else J
     sigma = np.array([model.noise.get(model.tree.joints[i], 0.0) for i, _ in seen.noisy_joints])
     A = (linear.by_joint * sigma)[order].reshape(*J.shape[:2], -1)
-    own_sigma = np.array([model.noise.get(group, 1.0) for group in seen.noise_groups])
+    own_sigma = np.nan_to_num(sensor_noise_named(model.noise, seen), nan=1.0)
     variance = np.square(own_sigma[seen.noise_group][order]).reshape(count, -1)
     S = A @ np.swapaxes(A, 1, 2) + np.eye(J.shape[1]) * variance[:, None]
     return np.linalg.solve(np.linalg.cholesky(S), J)

@@ -9,8 +9,8 @@ from nico_selfmodel.estimation.body.seen_body import SeenBody
 from nico_selfmodel.estimation.observations.observations import gears_known
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.noise.noise_evidence import tree_whitening
 from nico_selfmodel.estimation.tree.tree_block import TreeBlock
-from nico_selfmodel.estimation.tree.tree_noise import tree_whitening
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem

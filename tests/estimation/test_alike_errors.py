@@ -23,6 +23,9 @@ from nico_selfmodel.geometry.transform import inverse, transform
 from .simulated_trees import observed, one_arm
 from .test_one_problem import flange_dataset
 
+TURNS = 2
+"""Noise group of the turns of a sensor of poses, after its places and their depth."""
+
 
 def drawn_poses(rng, count):
     return transform(
@@ -154,10 +157,10 @@ def test_turns_of_a_sensor_that_are_off_alike_are_no_slips_of_joints_and_counted
         found, off = errors_in_sigmas(*arm_with_turns_off_alike(seed, turn=3e-3))
         squares += (off**2).tolist()
         (alike,) = found.noise.alike
-        assert alike.turns == 1
+        assert alike.turns == TURNS
         assert alike.alone == pytest.approx(np.full(3, 1e-3), rel=0.2)
         assert alike.sigma == pytest.approx(np.full(3, 3e-3), rel=0.5)
-        assert found.noise.sensor[1] == pytest.approx(np.hypot(alike.alone, alike.sigma)[0])
+        assert found.noise.sensor[TURNS] == pytest.approx(np.hypot(alike.alone, alike.sigma)[0])
         assert not found.slipped.any()
     assert 0.4 < np.mean(squares) < 2.0
 

@@ -22,7 +22,7 @@ from nico_selfmodel.estimation.observations.observations import gears_known
 from nico_selfmodel.estimation.tree.bending_tree import TreeBend
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
-from nico_selfmodel.estimation.tree.tree_noise import likeliest_noise
+from nico_selfmodel.estimation.tree.noise.likeliest_noise import likeliest_noise
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, BodyParameters, TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem

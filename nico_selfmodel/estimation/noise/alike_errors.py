@@ -22,6 +22,11 @@ _LEFT_OUT = 0.02
 """Share of the sum of the eigenvalues that may be left out."""
 
 
+def turn_groups(first: int) -> NDArray:
+    """Return the noise groups of turns across and about the line of sight, by their first. (3,)."""
+    return np.array([first, first, first + 1])
+
+
 def alike_basis(X: NDArray, size: float) -> NDArray:
     """Return Phi.
 
@@ -54,7 +59,8 @@ class AlikeErrors:
     alone: NDArray
     """Standard deviation of what is each pose's own besides. Shape (m,)."""
     turns: int | None = None
-    """Noise group of a sensor of whose measured turns, m = 3, these are; None of a flange's."""
+    """First noise group of a sensor of whose measured turns, m = 3, these are; None of a flange's.
+    """
 
     def columns(self, by_part: NDArray, pose: NDArray) -> NDArray:
         """Return what w of N(0, 1) do to rows.

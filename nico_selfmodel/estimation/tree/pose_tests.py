@@ -15,7 +15,7 @@ from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.pose_noise import FREE_SIGMA, PoseWhitening
 from nico_selfmodel.estimation.tree.contradictions.hidden_slips import hidden_slips
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
-from nico_selfmodel.estimation.tree.tree_noise import beside_shared, tree_whitening
+from nico_selfmodel.estimation.tree.noise.noise_evidence import beside_shared, tree_whitening
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
 from nico_selfmodel.optimization.chi_square import as_rare_as

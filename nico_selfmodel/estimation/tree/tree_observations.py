@@ -14,11 +14,13 @@ from nico_selfmodel.dataset.body.sensors import (
     CAMERA,
     FIRST_SIGMA,
     FIRST_TURN_SIGMA,
+    POINTS,
     POSES,
     SENSOR_COLUMNS,
     SIGHTS,
 )
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
+from nico_selfmodel.geometry.rotation import turned_to_z
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import FREE, WHOLE_POSES, WORLD_NAME
 
@@ -26,6 +28,12 @@ ENOUGH_TOUCHES = 20
 """Poses of a sensor that sees nothing from which on they tell its standard deviation."""
 TURN_NOISE = "orientation"
 """How the noise of a sensor's turns is called after its name."""
+DEPTH_NOISE, ROLL_NOISE = "depth", "roll"
+"""How the noise along the line of sight, and of turns about it, are called besides."""
+_IN_SPACE = (POINTS, POSES)
+"""What is measured by a frame of which z is the line of sight."""
+_PART = np.array([0, 0, 1, 2, 2, 3])
+"""Which noise of a pose each of its numbers has."""
 BEARING = "bearing"
 """A camera whose pixels are taken as directions, which no point behind it can trap."""
 
@@ -61,6 +69,15 @@ class SensorRows:
     def scalars(self) -> slice:
         """Where its scalars are among all."""
         return slice(self.first, self.first + self.measured.size)
+
+    @property
+    def in_sight(self) -> NDArray:
+        """What was measured, as residuals are: in frames of which z is the line of sight. (N, k)."""
+        if self.kind not in _IN_SPACE:
+            return self.measured
+        parts = self.measured.reshape(len(self.rows), -1, 3)
+        turned = parts @ np.swapaxes(turned_to_z(parts[:, 0]), 1, 2)
+        return turned.reshape(self.measured.shape)
 
     def only(self, own: NDArray, first: int = 0) -> "SensorRows":
         """Return some of its rows, `first` among all scalars. Boolean, shape (N,)."""
@@ -167,9 +184,30 @@ class TreeObservations:
         """Names of what has a standard deviation of its own: sensors, and their orientations.
 
         What no joint moves has one of its own where the sensor sees more: corners of boards are
-        found otherwise than markers.
+        found otherwise than markers. What is along the line of sight of a sensor of places or poses
+        has one, and turns about it, see `noise_ties`.
         """
         return tuple(self._first_of_noise)
+
+    def noise_ties(self, *, apart: bool) -> NDArray:
+        """Return which noise groups share a standard deviation: those of one sensor's places.
+
+        Those of its turns do, too.
+
+        Args:
+            apart: Whether what is along the line of sight has its own: depth, and tilts of what a
+                camera tells by corners, are far less sure than the rest.
+
+        Returns:
+            Numbers from 0. Shape (G,).
+        """
+        names = self.noise_groups
+        first = [name if apart else coarser_noise(name) for name in names]
+        own = [
+            names.index(one if one in names else name)
+            for one, name in zip(first, names, strict=True)
+        ]
+        return np.unique(own, return_inverse=True)[1].ravel()
 
     @cached_property
     def _first_of_noise(self) -> dict[str, tuple[SensorRows, int]]:
@@ -186,7 +224,11 @@ class TreeObservations:
         name = info.noise or info.name
         if rows.apart and not self._all_apart:
             name += " boards"
-        return (name, f"{name} {TURN_NOISE}") if rows.kind == POSES else (name,)
+        if rows.kind not in _IN_SPACE:
+            return (name,)
+        places = name, f"{name} {DEPTH_NOISE}"
+        turns = f"{name} {TURN_NOISE}", f"{name} {ROLL_NOISE} {TURN_NOISE}"
+        return (*places, *turns) if rows.kind == POSES else places
 
     @cached_property
     def _all_apart(self) -> bool:
@@ -197,8 +239,9 @@ class TreeObservations:
         """Index into `noise_groups` of each scalar. Shape (R,)."""
         parts = []
         for rows in self.sensors:
-            group = self.noise_groups.index(self._noises(rows)[0])
-            one = group + (np.arange(rows.measured.shape[1]) >= 3) * (rows.kind == POSES)
+            own = np.array([self.noise_groups.index(name) for name in self._noises(rows)])
+            k = rows.measured.shape[1]
+            one = own[_PART[:k]] if rows.kind in _IN_SPACE else np.repeat(own, k)
             parts.append(np.tile(one, len(rows.rows)))
         return np.concatenate(parts)
 
@@ -209,7 +252,8 @@ class TreeObservations:
         for rows, part in self._first_of_noise.values():
             info = self.data.sensors[rows.sensor]
             turn = info.turn_sigma or FIRST_TURN_SIGMA
-            out.append(turn if part else info.sigma or FIRST_SIGMA[info.kind])
+            turns = part >= _PART[3]
+            out.append(turn if turns else info.sigma or FIRST_SIGMA[info.kind])
         return np.array(out)
 
     @cached_property
@@ -316,6 +360,14 @@ class TreeObservations:
     def per_row(self, values: NDArray) -> NDArray:
         """Return sums of values of scalars by row of the table. Shape (R,) -> (N,)."""
         return np.bincount(self.row, values, minlength=len(self.data.observations))
+
+
+def coarser_noise(name: str) -> str:
+    """Return the noise group that a finer one belongs to; a group's own name if it is none."""
+    roll, depth = f" {ROLL_NOISE} {TURN_NOISE}", f" {DEPTH_NOISE}"
+    if name.endswith(roll):
+        return f"{name.removesuffix(roll)} {TURN_NOISE}"
+    return name.removesuffix(depth)
 
 
 def _limbs(parent: NDArray) -> list[tuple[int, ...]]:

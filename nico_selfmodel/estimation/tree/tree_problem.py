@@ -22,16 +22,12 @@ from nico_selfmodel.estimation.tree.contradictions.unplaced_markers import come_
 from nico_selfmodel.estimation.tree.forward.joint_errors import joint_errors
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.noise.alike_noise import likeliest_alike
+from nico_selfmodel.estimation.tree.noise.likeliest_noise import likeliest_noise
+from nico_selfmodel.estimation.tree.noise.noise_evidence import NoiseEvidence, tree_whitening
 from nico_selfmodel.estimation.tree.pose_tests import check_that_some_agree, tested
 from nico_selfmodel.estimation.tree.tree_block import TreeBlock
-from nico_selfmodel.estimation.tree.tree_noise import (
-    NoiseEvidence,
-    likeliest_alike,
-    likeliest_noise,
-    robust_weights,
-    standing_out,
-    tree_whitening,
-)
+from nico_selfmodel.estimation.tree.tree_noise import robust_weights, standing_out
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_setup import Alike, Priors
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.noise.alike_errors import AlikeErrors, Decorrelation
+from nico_selfmodel.estimation.noise.alike_errors import AlikeErrors, Decorrelation, turn_groups
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 
 _SETTLED = 0.02
@@ -34,19 +34,20 @@ class TreeNoise:
             if one.turns is None:
                 joint = one.alone
             else:
-                sensor[one.turns] = one.alone[0]
+                sensor[turn_groups(one.turns)] = one.alone
         return TreeNoise(sensor, joint, loud=self.loud)
 
     def sharing(self, alike: Sequence[AlikeErrors]) -> "TreeNoise":
         """Return all noise, what poses share in `sensor` and `joint` too; this is what is own."""
         sensor, joint, shared = self.sensor.copy(), self.joint.copy(), []
         for one in alike:
-            alone = self.joint if one.turns is None else np.full(3, self.sensor[one.turns])
+            own = None if one.turns is None else turn_groups(one.turns)
+            alone = self.joint if own is None else self.sensor[own]
             shared.append(replace(one, alone=alone))
-            if one.turns is None:
+            if own is None:
                 joint = np.hypot(joint, one.sigma)
             else:
-                sensor[one.turns] = np.hypot(sensor[one.turns], np.sqrt(np.mean(one.sigma**2)))
+                sensor[own] = np.hypot(alone, np.sqrt(np.mean(one.sigma**2)))
         return TreeNoise(sensor, joint, tuple(shared), self.loud)
 
     def is_like(self, other: "TreeNoise") -> bool:

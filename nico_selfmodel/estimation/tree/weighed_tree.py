@@ -10,10 +10,10 @@ from nico_selfmodel.dataset.body.sensors import SIGHTS
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.pose_noise import PoseWhitening
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
-from nico_selfmodel.estimation.tree.tree_noise import (
+from nico_selfmodel.estimation.tree.noise.likeliest_noise import likeliest_noise
+from nico_selfmodel.estimation.tree.noise.noise_evidence import (
     NoiseEvidence,
     beside_shared,
-    likeliest_noise,
     tree_whitening,
 )
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations

@@ -26,8 +26,9 @@ from nico_selfmodel.estimation.noise.joint_slips import (
 )
 from nico_selfmodel.estimation.noise.pose_noise import FREE_SIGMA
 from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
+from nico_selfmodel.estimation.tree.noise.likeliest_noise import likeliest_noise
+from nico_selfmodel.estimation.tree.noise.noise_evidence import NoiseEvidence, tree_whitening
 from nico_selfmodel.estimation.tree.pose_tests import LOUDEST, far_observations
-from nico_selfmodel.estimation.tree.tree_noise import NoiseEvidence, likeliest_noise, tree_whitening
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.optimization.uncertainty import covariance_told_by

@@ -129,7 +129,7 @@ def _by_lengths(seen: TreeObservations, linear: TreeLinear) -> dict[str, NDArray
             own = column[rows.scalars].reshape(rows.measured.shape)
             left = all_left[rows.scalars].reshape(rows.measured.shape)
             lengths = 1 if rows.kind == DISTANCE else 3
-            own[:, :lengths] = (rows.measured + left)[:, :lengths]
+            own[:, :lengths] = (rows.in_sight + left)[:, :lengths]
             found[rows.name] = column
     return found
 

@@ -87,7 +87,7 @@ def _beside_sigmas(calibration: TreeCalibration) -> Iterator[_BesideSigma]:
         if info.sigma is None and not held:
             continue
         sigma, stated = info.sigma, info.sigma is not None
-        off = scatter = float(solution.noise.sensor[group])
+        off = scatter = _rms(solution.noise.sensor[seen.noise_group[rows.scalars][:3]])
         if held:  # nobody asked what it is
             white = solution.white_by_scalar(seen)
             off *= _rms(white[rows.scalars])
@@ -144,14 +144,16 @@ def _unexplained(calibration: TreeCalibration) -> Iterator[tuple[str, str, int]]
     for rows in observations.sensors if solution.variances_known else ():
         if rows.kind not in SIGHTS:
             continue
-        noise = solution.noise.sensor[observations.noise_group[rows.first :][:6]]
+        noise = solution.noise.sensor[observations.noise_group[rows.scalars][:6]]
         seen = spread_of(rows)
         unit, scale = ("px", 1.0) if rows.kind == CAMERA else ("mm", 1e3)
         words = []
-        if noise[0] > LARGEST_NOISE * seen:
-            words.append(f"{scale * noise[0]:.3g} {unit} in what spreads by {scale * seen:.3g}")
-        if rows.kind == POSES and noise[3] > LARGEST_TURN_NOISE:
-            words.append(f"{np.degrees(noise[3]):.3g} deg")
+        place = _rms(noise[:3])
+        if place > LARGEST_NOISE * seen:
+            words.append(f"{scale * place:.3g} {unit} in what spreads by {scale * seen:.3g}")
+        turn = _rms(noise[3:]) if rows.kind == POSES else 0.0
+        if turn > LARGEST_TURN_NOISE:
+            words.append(f"{np.degrees(turn):.3g} deg")
         if words:
             where = f" in mirror {rows.mirror!r}" if rows.mirror else ""
             yield f"{rows.name!r}{where}", " and ".join(words), rows.measured.size

@@ -14,6 +14,7 @@ from nico_selfmodel.geometry.rotation import (
     rotation_from_vector,
     rotation_vector_slope,
     rotation_vectors_of,
+    turned_to_z,
 )
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import project_in_camera
@@ -49,19 +50,24 @@ class Shown:
 
 
 def shown_points(p_SM: NDArray, measured: NDArray) -> Shown:
-    """A tracker: the point itself."""
-    return Shown(p_SM - measured, np.broadcast_to(np.eye(3), (len(p_SM), 3, 3)))
+    """A tracker: the point itself, by a frame of which z is the line of sight."""
+    R_DS = turned_to_z(measured)
+    return Shown((R_DS @ (p_SM - measured)[:, :, None])[:, :, 0], R_DS)
 
 
 def shown_poses(p_SM: NDArray, R_SM: NDArray, measured: NDArray) -> Shown:
-    """A tracker of frames: the point and e = log(R_SM R_measured'), which J(e)^-1 dw moves."""
-    R_measured = rotation_from_vector(measured[:, 3:])
+    """A tracker of frames: the point and e = log(R_SM R_measured'), which J(e)^-1 dw moves.
+
+    Both are in a frame of which z is the line of sight: a camera knows least of depth.
+    """
+    R_measured, R_DS = rotation_from_vector(measured[:, 3:]), turned_to_z(measured[:, :3])
     e = rotation_vectors_of(R_SM @ np.swapaxes(R_measured, 1, 2))
     N = len(p_SM)
     by_point, by_turn = np.zeros((N, 6, 3)), np.zeros((N, 6, 3))
-    by_point[:, :3] = np.eye(3)
-    by_turn[:, 3:] = np.linalg.inv(rotation_vector_slope(e))
-    return Shown(np.hstack([p_SM - measured[:, :3], e]), by_point, by_turn)
+    by_point[:, :3] = R_DS
+    by_turn[:, 3:] = R_DS @ np.linalg.inv(rotation_vector_slope(e))
+    both = np.stack([p_SM - measured[:, :3], e], axis=1) @ np.swapaxes(R_DS, 1, 2)
+    return Shown(both.reshape(N, 6), by_point, by_turn)
 
 
 def shown_pixels(p_SM: NDArray, lens: Camera, measured: NDArray) -> Shown:

@@ -15,11 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.tree.tree_noise import (
-    asked_for,
-    likeliest_alike,
-    likeliest_noise,
-)
+from nico_selfmodel.estimation.tree.noise.alike_noise import likeliest_alike
+from nico_selfmodel.estimation.tree.noise.likeliest_noise import likeliest_noise
+from nico_selfmodel.estimation.tree.noise.noise_evidence import asked_for
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
 from nico_selfmodel.model.tree.body_tree import FLANGE

@@ -28,8 +28,8 @@ from nico_selfmodel.estimation.diagnosis.jump_taken_for_noise import jump_taken_
 from nico_selfmodel.estimation.diagnosis.score_sums import MARGIN, CourseFound, Left, ScoreSums
 from nico_selfmodel.estimation.tree.forward.joint_errors import MOST_SLIPS, shown_errors
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
+from nico_selfmodel.estimation.tree.noise.noise_evidence import tree_whitening
 from nico_selfmodel.estimation.tree.timing.lone_outliers import lone_outliers
-from nico_selfmodel.estimation.tree.tree_noise import tree_whitening
 from nico_selfmodel.estimation.tree.tree_parameters import SHIFTS, TURNS
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution

@@ -1,0 +1,1 @@
+"""Which noise a recording of a body has: whose own, along which line of sight, shared by what."""

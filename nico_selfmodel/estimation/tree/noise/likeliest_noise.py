@@ -1,0 +1,119 @@
+"""Noise that residuals ask for: finer where that is decisive, by limb or along lines of sight."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.noise.variance_components import (
+    LEAST_OF_ALL,
+    LinearResiduals,
+    Variances,
+    VarianceSearch,
+)
+from nico_selfmodel.estimation.tree.noise.noise_evidence import (
+    NoiseEvidence,
+)
+from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
+
+DECISIVE = 8.0
+"""Gain of a log likelihood from which on they are: two standard deviations more, and a size."""
+_LEAST_SHARE = 0.02
+"""Part of the residuals below which a standard deviation counts as none."""
+
+
+def likeliest_noise(evidence: NoiseEvidence, start: TreeNoise) -> TreeNoise:
+    """Return the noise that residuals ask for; the search begins at `start`."""
+    found = likeliest_variances(evidence, start)
+    return TreeNoise(found.sensor, found.joint, loud=start.loud)
+
+
+def likeliest_variances(evidence: NoiseEvidence, start: TreeNoise) -> Variances:
+    """Return the likeliest noise: finer where that is decisive, by limb or along lines of sight."""
+    data, loud = evidence.data, start.loud
+    sensors, finer = data.noise_ties(apart=False), data.noise_ties(apart=True)
+    first = np.unique(sensors, return_index=True)[1][sensors]
+    was_finer = not np.array_equal(start.sensor, start.sensor[first])
+    # What was decisive is not asked again: less and less is left of what asked for it.
+    sensors = finer if was_finer else sensors
+    joints, limbs = data.joint_groups(loud), data.joint_groups(loud, by_limb=True)
+    found = _GroupedSearch.of(evidence, start, sensors, joints).run()
+    if limbs.max(initial=0) > joints.max(initial=0):
+        apart = _GroupedSearch.of(evidence, _noise_of(found), sensors, limbs).run()
+        if apart.likelihood > found.likelihood + DECISIVE:
+            found, joints = apart, limbs
+    if finer.max() > sensors.max():
+        search = _GroupedSearch.of(evidence, _noise_of(found), finer, joints)
+        if search.promised > 0.5 * DECISIVE:
+            apart = search.run()
+            found = apart if apart.likelihood > found.likelihood + DECISIVE else found
+    return found
+
+
+def _noise_of(found: Variances) -> TreeNoise:
+    return TreeNoise(found.sensor, found.joint)
+
+
+@dataclass(frozen=True, eq=False)
+class _GroupedSearch:
+    """A search for variances that sensors, and joints, share with others."""
+
+    search: VarianceSearch
+    sensors: NDArray
+    """Which noise groups share a variance. Shape (G,)."""
+    sensor: NDArray
+    """Standard deviations where it begins, of those that share none. Shape (H,)."""
+    joint: NDArray
+    """Of the joints. Shape (m,)."""
+
+    @classmethod
+    def of(
+        cls, evidence: NoiseEvidence, start: TreeNoise, sensors: NDArray, joints: NDArray
+    ) -> "_GroupedSearch":
+        """Prepare.
+
+        Args:
+            joints: Which joints share a variance. Shape (m,).
+        """
+        data, linear, groups = evidence.data, evidence.linear, evidence.groups
+        first = np.unique(sensors, return_index=True)[1]
+        sensor, taken = start.sensor[first], linear.taken
+        residuals = LinearResiduals(
+            groups,
+            groups.gather(linear.r[:, None]),
+            groups.gather(linear.J.T[:, None]),
+            linear.by_joint[:, None],
+            sensors[data.noise_group][:, None],
+            evidence.slipped,
+            evidence.information,
+            None if taken is None else np.bincount(sensors, taken),
+        )
+        kept = groups.rows
+        own = sensors[data.noise_group[kept]]
+        left = _rms_by_group(residuals.left(sensor, start.joint)[kept, 0], own, len(first))
+        whole = _rms_by_group(linear.r[kept], own, len(first))
+        rms = np.maximum(left, LEAST_OF_ALL / _LEAST_SHARE * whole)
+        by_joint = linear.by_joint[kept][:, ~data.unread] / rms[own, None]
+        lever = float(np.sqrt(np.mean(by_joint**2))) if by_joint.size else 1.0
+        counts = int(joints.max(initial=-1)) + 1
+        floor = np.append(_LEAST_SHARE * rms, np.full(counts, _LEAST_SHARE / max(lever, 1e-12)))
+        none = np.zeros(len(joints))
+        held, floor = data.sigma_held[first], np.maximum(floor, 1e-12)
+        search = VarianceSearch(residuals, none, joints, floor, held)
+        return cls(search, sensors, sensor, start.joint)
+
+    @property
+    def promised(self) -> float:
+        """See `VarianceSearch.promised`."""
+        return self.search.promised(self.sensor, self.joint)
+
+    def run(self) -> Variances:
+        """Return the likeliest, of all noise groups."""
+        found = self.search.run(self.sensor, self.joint)
+        return replace(found, sensor=found.sensor[self.sensors])
+
+
+def _rms_by_group(r: NDArray, group: NDArray, groups: int) -> NDArray:
+    """Return the root mean square of each noise group, 0 of nothing. (K,) -> (G,)."""
+    counts = np.bincount(group, minlength=groups)
+    return np.sqrt(np.bincount(group, r**2, minlength=groups) / np.maximum(counts, 1))
