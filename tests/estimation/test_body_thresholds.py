@@ -81,7 +81,7 @@ def with_noise(calibration, **noise):
 @pytest.mark.slow
 @pytest.mark.parametrize(("times", "fails"), [(4.9, False), (5.1, True)])
 def test_a_sensor_that_measures_five_times_worse_than_stated_fails(slider, times, fails):
-    words = with_noise(slider, sensor=np.array([times * SIGMA]))
+    words = with_noise(slider, sensor=np.full(2, times * SIGMA))
     assert ("is off by" in words) is fails
 
 
@@ -136,7 +136,7 @@ def test_a_joint_much_farther_from_its_description_than_others_is_named(
 
 @pytest.mark.parametrize(("times", "asked"), [(9.8, False), (10.2, True)])
 def test_a_sensor_that_measures_ten_times_better_than_stated_is_doubted(slider, times, asked):
-    words = with_noise(slider, sensor=np.array([SIGMA / times]))
+    words = with_noise(slider, sensor=np.full(2, SIGMA / times))
     assert ("is the unit of its sigma right?" in words) is asked
 
 
@@ -154,7 +154,7 @@ def test_what_fitting_took_is_no_scatter_and_four_numbers_must_be_left_over(left
 def test_noise_of_a_twentieth_of_what_a_sensor_saw_explains_nothing(slider, share, fails):
     measured = slider.train.observations.sensors[0].measured
     noise = share * np.sqrt(np.var(measured[:, :3], axis=0).sum())
-    words = with_noise(slider, sensor=np.array([noise]))
+    words = with_noise(slider, sensor=np.full(2, noise))
     assert ("the body does not explain it" in words) is fails
 
 
@@ -163,7 +163,7 @@ def test_a_length_is_to_blame_where_it_explains_half_of_what_nothing_does(slider
     measured = slider.train.observations.sensors[0].measured
     noise = 0.06 * np.sqrt(np.var(measured[:, :3], axis=0).sum())
     solution = slider.solution
-    solution = replace(solution, noise=replace(solution.noise, sensor=np.array([noise])))
+    solution = replace(solution, noise=replace(solution.noise, sensor=np.full(2, noise)))
     bent = replace(slider, solution=solution)
     score = HeldScore(share * measured.size, np.array([0.2]), np.array([0.01]), measured.size)
     bent.__dict__["held"] = {"tracker": score}
@@ -173,7 +173,7 @@ def test_a_length_is_to_blame_where_it_explains_half_of_what_nothing_does(slider
 @pytest.mark.slow
 @pytest.mark.parametrize(("degrees", "fails"), [(14.8, False), (15.2, True)])
 def test_turns_that_are_off_by_fifteen_degrees_are_no_noise(turning, degrees, fails):
-    sensor = np.array([4e-4, np.radians(degrees)])
+    sensor = np.repeat([4e-4, np.radians(degrees)], 2)
     words = with_noise(turning, sensor=sensor)
     assert ("the body does not explain it" in words) is fails
 

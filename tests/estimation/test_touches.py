@@ -199,12 +199,12 @@ def test_twenty_poses_with_touches_tell_their_standard_deviation_and_fewer_do_no
     for count, held in ((20, False), (19, True)):
         rows = np.append(np.flatnonzero(data.observations.sensor == 0), touched[:count])
         few = data.of_rows(np.sort(rows))
-        assert TreeObservations.of(few).sigma_held.tolist() == [False, held]
+        assert TreeObservations.of(few).sigma_held.tolist() == [False, False, held]
         words = tree_findings._assumed_sigmas(only_observed(few))
         assert ["'table' to 1 mm is assumed" in word for word in words] == [True] * held
     stated = (data.sensors[0], replace(data.sensors[1], sigma=1e-4))
     few = replace(few, sensors=stated)
-    assert TreeObservations.of(few).sigma_held.tolist() == [False, True]
+    assert TreeObservations.of(few).sigma_held.tolist() == [False, False, True]
     assert not tree_findings._assumed_sigmas(only_observed(few))
 
 

@@ -10,9 +10,10 @@ from nico_selfmodel.estimation.results.calibration_result import Errors
 from nico_selfmodel.estimation.results.verdict import outliers_are_many
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.noise.finer_noise import TURN_NOISE
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.estimation.tree.tree_noise import noise_named
-from nico_selfmodel.estimation.tree.tree_observations import TURN_NOISE, TreeObservations
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
 from nico_selfmodel.model.tree.body_model import BodyModel

@@ -49,11 +49,12 @@ from nico_selfmodel.estimation.tree.contradictions.sensor_noise import (
 from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
 from nico_selfmodel.estimation.tree.contradictions.wrong_readings import noisy_gears
 from nico_selfmodel.estimation.tree.known.described_scale import contradicted_description
+from nico_selfmodel.estimation.tree.noise.finer_noise import TURN_NOISE
 from nico_selfmodel.estimation.tree.timing.moved_meanwhile import moved_meanwhile
 from nico_selfmodel.estimation.tree.timing.off_at_once import sensors_off_at_once
 from nico_selfmodel.estimation.tree.timing.patterned_errors import patterned_findings
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
-from nico_selfmodel.estimation.tree.tree_observations import ENOUGH_TOUCHES, TURN_NOISE
+from nico_selfmodel.estimation.tree.tree_observations import ENOUGH_TOUCHES
 from nico_selfmodel.estimation.tree.tree_setup import DESCRIBED
 from nico_selfmodel.model.tree.body_tree import REVOLUTE
 from nico_selfmodel.names import listed

@@ -6,11 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.sensors import TOUCHES
-from nico_selfmodel.estimation.tree.tree_observations import (
-    SensorRows,
-    TreeObservations,
-    coarser_noise,
-)
+from nico_selfmodel.estimation.tree.noise.finer_noise import coarser_noise
+from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
 from nico_selfmodel.model.tree.body_tree import FLANGE, FREE
 from nico_selfmodel.optimization.losses import Loss, robust_scale

@@ -20,20 +20,19 @@ from nico_selfmodel.dataset.body.sensors import (
     SIGHTS,
 )
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
+from nico_selfmodel.estimation.tree.noise.finer_noise import (
+    PARTS,
+    noises_of_places,
+    noises_of_turns,
+)
 from nico_selfmodel.geometry.rotation import turned_to_z
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import FREE, WHOLE_POSES, WORLD_NAME
 
 ENOUGH_TOUCHES = 20
 """Poses of a sensor that sees nothing from which on they tell its standard deviation."""
-TURN_NOISE = "orientation"
-"""How the noise of a sensor's turns is called after its name."""
-DEPTH_NOISE, ROLL_NOISE = "depth", "roll"
-"""How the noise along the line of sight, and of turns about it, are called besides."""
 _IN_SPACE = (POINTS, POSES)
 """What is measured by a frame of which z is the line of sight."""
-_PART = np.array([0, 0, 1, 2, 2, 3])
-"""Which noise of a pose each of its numbers has."""
 BEARING = "bearing"
 """A camera whose pixels are taken as directions, which no point behind it can trap."""
 
@@ -72,7 +71,7 @@ class SensorRows:
 
     @property
     def in_sight(self) -> NDArray:
-        """What was measured, as residuals are: in frames of which z is the line of sight. (N, k)."""
+        """What was measured as residuals are, z along the line of sight. Shape (N, k)."""
         if self.kind not in _IN_SPACE:
             return self.measured
         parts = self.measured.reshape(len(self.rows), -1, 3)
@@ -185,29 +184,9 @@ class TreeObservations:
 
         What no joint moves has one of its own where the sensor sees more: corners of boards are
         found otherwise than markers. What is along the line of sight of a sensor of places or poses
-        has one, and turns about it, see `noise_ties`.
+        has one, and turns about it, see `finer_noise`.
         """
         return tuple(self._first_of_noise)
-
-    def noise_ties(self, *, apart: bool) -> NDArray:
-        """Return which noise groups share a standard deviation: those of one sensor's places.
-
-        Those of its turns do, too.
-
-        Args:
-            apart: Whether what is along the line of sight has its own: depth, and tilts of what a
-                camera tells by corners, are far less sure than the rest.
-
-        Returns:
-            Numbers from 0. Shape (G,).
-        """
-        names = self.noise_groups
-        first = [name if apart else coarser_noise(name) for name in names]
-        own = [
-            names.index(one if one in names else name)
-            for one, name in zip(first, names, strict=True)
-        ]
-        return np.unique(own, return_inverse=True)[1].ravel()
 
     @cached_property
     def _first_of_noise(self) -> dict[str, tuple[SensorRows, int]]:
@@ -226,9 +205,8 @@ class TreeObservations:
             name += " boards"
         if rows.kind not in _IN_SPACE:
             return (name,)
-        places = name, f"{name} {DEPTH_NOISE}"
-        turns = f"{name} {TURN_NOISE}", f"{name} {ROLL_NOISE} {TURN_NOISE}"
-        return (*places, *turns) if rows.kind == POSES else places
+        turns = noises_of_turns(name) if rows.kind == POSES else ()
+        return (*noises_of_places(name), *turns)
 
     @cached_property
     def _all_apart(self) -> bool:
@@ -241,7 +219,7 @@ class TreeObservations:
         for rows in self.sensors:
             own = np.array([self.noise_groups.index(name) for name in self._noises(rows)])
             k = rows.measured.shape[1]
-            one = own[_PART[:k]] if rows.kind in _IN_SPACE else np.repeat(own, k)
+            one = own[PARTS[:k]] if rows.kind in _IN_SPACE else np.repeat(own, k)
             parts.append(np.tile(one, len(rows.rows)))
         return np.concatenate(parts)
 
@@ -252,7 +230,7 @@ class TreeObservations:
         for rows, part in self._first_of_noise.values():
             info = self.data.sensors[rows.sensor]
             turn = info.turn_sigma or FIRST_TURN_SIGMA
-            turns = part >= _PART[3]
+            turns = part >= PARTS[3]
             out.append(turn if turns else info.sigma or FIRST_SIGMA[info.kind])
         return np.array(out)
 
@@ -360,14 +338,6 @@ class TreeObservations:
     def per_row(self, values: NDArray) -> NDArray:
         """Return sums of values of scalars by row of the table. Shape (R,) -> (N,)."""
         return np.bincount(self.row, values, minlength=len(self.data.observations))
-
-
-def coarser_noise(name: str) -> str:
-    """Return the noise group that a finer one belongs to; a group's own name if it is none."""
-    roll, depth = f" {ROLL_NOISE} {TURN_NOISE}", f" {DEPTH_NOISE}"
-    if name.endswith(roll):
-        return f"{name.removesuffix(roll)} {TURN_NOISE}"
-    return name.removesuffix(depth)
 
 
 def _limbs(parent: NDArray) -> list[tuple[int, ...]]:

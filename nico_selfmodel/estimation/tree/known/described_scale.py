@@ -137,7 +137,10 @@ def _told(names: Sequence[str], priors: Priors, known: Uncertainty) -> float:
 
 
 def _of_distance(problem: TreeProblem, solution: TreeSolution) -> NDArray:
-    """Return derivatives of the mean logarithm of distances from cameras to markers. Shape (k,)."""
+    """Return derivatives of the mean logarithm of distances from cameras to markers. Shape (k,).
+
+    Where no camera sees anything, of distances from the base to what touches.
+    """
     seen, parameters = problem.observations, problem.residuals.parameters
     cameras = [rows for rows in seen.sensors if rows.kind == CAMERA]
 
@@ -146,9 +149,10 @@ def _of_distance(problem: TreeProblem, solution: TreeSolution) -> NDArray:
         motion = TreeMotion.at(tree, seen.data.si_readings, seen.data.X_flange)
         places = {sensor.name: sensor for sensor in tree.sensors}
         logs = []
-        for rows in cameras:
+        for rows in cameras or seen.sensors:
             away = motion.points(rows.marker, rows.pose)
-            away = away - motion.pose_of(places[rows.name])[1].T[rows.pose]
+            if rows.kind == CAMERA:
+                away = away - motion.pose_of(places[rows.name])[1].T[rows.pose]
             logs.append(np.log(np.linalg.norm(away, axis=1)))
         return float(np.concatenate(logs).mean())
 

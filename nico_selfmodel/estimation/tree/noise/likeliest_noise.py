@@ -11,9 +11,11 @@ from nico_selfmodel.estimation.noise.variance_components import (
     Variances,
     VarianceSearch,
 )
+from nico_selfmodel.estimation.tree.noise.finer_noise import finer_noises, noise_ties
 from nico_selfmodel.estimation.tree.noise.noise_evidence import (
     NoiseEvidence,
 )
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
 
 DECISIVE = 8.0
@@ -31,23 +33,40 @@ def likeliest_noise(evidence: NoiseEvidence, start: TreeNoise) -> TreeNoise:
 def likeliest_variances(evidence: NoiseEvidence, start: TreeNoise) -> Variances:
     """Return the likeliest noise: finer where that is decisive, by limb or along lines of sight."""
     data, loud = evidence.data, start.loud
-    sensors, finer = data.noise_ties(apart=False), data.noise_ties(apart=True)
-    first = np.unique(sensors, return_index=True)[1][sensors]
-    was_finer = not np.array_equal(start.sensor, start.sensor[first])
     # What was decisive is not asked again: less and less is left of what asked for it.
-    sensors = finer if was_finer else sensors
+    known = _apart(data, start.sensor)
     joints, limbs = data.joint_groups(loud), data.joint_groups(loud, by_limb=True)
-    found = _GroupedSearch.of(evidence, start, sensors, joints).run()
+    found = _GroupedSearch.of(evidence, start, known, joints).run()
     if limbs.max(initial=0) > joints.max(initial=0):
-        apart = _GroupedSearch.of(evidence, _noise_of(found), sensors, limbs).run()
+        apart = _GroupedSearch.of(evidence, _noise_of(found), known, limbs).run()
         if apart.likelihood > found.likelihood + DECISIVE:
             found, joints = apart, limbs
-    if finer.max() > sensors.max():
-        search = _GroupedSearch.of(evidence, _noise_of(found), finer, joints)
-        if search.promised > 0.5 * DECISIVE:
-            apart = search.run()
-            found = apart if apart.likelihood > found.likelihood + DECISIVE else found
-    return found
+    return _along_sight(evidence, found, known, joints)
+
+
+def _along_sight(
+    evidence: NoiseEvidence, found: Variances, known: frozenset[int], joints: NDArray
+) -> Variances:
+    """Return the same with depth and tilts less sure than the rest, where that is decisive."""
+    data = evidence.data
+    asked = frozenset(finer.group for finer in finer_noises(data.noise_groups))
+    search = _GroupedSearch.of(evidence, _noise_of(found), asked, joints)
+    if asked == known or search.promised <= 0.5 * DECISIVE:
+        return found
+    apart = search.run()
+    told = _apart(data, apart.sensor)
+    if told == known:
+        return found
+    if told != asked:
+        apart = _GroupedSearch.of(evidence, _noise_of(apart), told, joints).run()
+    return apart if apart.likelihood > found.likelihood + DECISIVE else found
+
+
+def _apart(data: TreeObservations, sensor: NDArray) -> frozenset[int]:
+    """Return finer noise groups that standard deviations tell from the others. Shape (G,)."""
+    return frozenset(
+        finer.group for finer in finer_noises(data.noise_groups) if finer.is_apart(sensor)
+    )
 
 
 def _noise_of(found: Variances) -> TreeNoise:
@@ -68,14 +87,16 @@ class _GroupedSearch:
 
     @classmethod
     def of(
-        cls, evidence: NoiseEvidence, start: TreeNoise, sensors: NDArray, joints: NDArray
+        cls, evidence: NoiseEvidence, start: TreeNoise, apart: frozenset[int], joints: NDArray
     ) -> "_GroupedSearch":
         """Prepare.
 
         Args:
+            apart: Finer noise groups that have a variance of their own.
             joints: Which joints share a variance. Shape (m,).
         """
         data, linear, groups = evidence.data, evidence.linear, evidence.groups
+        sensors = noise_ties(data.noise_groups, apart)
         first = np.unique(sensors, return_index=True)[1]
         sensor, taken = start.sensor[first], linear.taken
         residuals = LinearResiduals(
