@@ -150,6 +150,12 @@ def test_an_encoder_is_frozen_where_few_of_its_poses_are_right(right, named):
     assert (words == FROZEN) is named
 
 
+def test_a_whole_pose_that_has_no_reading_is_not_frozen():
+    sample = np.arange(20)
+    nothing = np.full((20, 1), np.nan)
+    assert stuck_encoder(("tcp",), ("pose",), nothing, sample, sample < 10) == ""
+
+
 @pytest.mark.slow
 def test_a_marker_that_is_not_on_the_hand_is_named(make_truth):
     truth = make_truth(2, 5, markers=3)

@@ -8,12 +8,15 @@ from numpy.testing import assert_allclose
 
 from nico_selfmodel.dataset.body.sensors import SensorInfo
 from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.monitoring.body_health import check_body_health
+from nico_selfmodel.estimation.monitoring.health_document import health_document
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.noise.variance_components import LinearResiduals, VarianceSearch
 from nico_selfmodel.estimation.tree.noise.finer_noise import noise_ties
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_noise import noise_named, sensor_noise_named
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_result import body_model
 from nico_selfmodel.geometry.rotation import rotation_from_vector, turned_to_z
 from nico_selfmodel.geometry.transform import inverse, transform
 
@@ -82,6 +85,20 @@ def test_across_the_line_of_sight_a_camera_and_a_flange_are_as_sure_as_both_are(
     noise = [errors_of(seed)[0].noise for seed in range(3)]
     across = [one["camera"] ** 2 + one["tcp place"] ** 2 for one in noise]
     assert np.sqrt(np.mean(across)) == pytest.approx(np.hypot(ACROSS, FLANGE[1]), rel=0.2)
+
+
+def test_a_camera_that_was_moved_is_told_of_a_hand_eye_calibration_and_a_sound_day_is_not():
+    _, data = before_a_camera(7, 80)
+    model = body_model(calibrate_tree(data.select(np.arange(80) < 50)))
+    day = data.select(np.arange(80) >= 50)
+    assert check_body_health(model, day).healthy
+    moved = transform(rotation_from_vector([0.004, -0.003, 0.0]), [0.002, -0.001, 0.001])
+    M = moved @ transform(
+        rotation_from_vector(day.observations.values[:, 3:6]), day.observations.values[:, :3]
+    )
+    report = check_body_health(model, flange_dataset(_flanges(day), M))
+    assert health_document(report)["reasons"][0].startswith("something changed")
+    assert report.diagnoses[0].hypothesis.cause == "sensor camera on its link"
 
 
 @pytest.mark.slow

@@ -91,8 +91,8 @@ def stuck_encoder(
         values, counts = np.unique(off[:, i], return_counts=True)
         same, value = int(counts.max()), values[np.argmax(counts)]
         alone = np.delete(moving, i).any() or len(joints) == 1
-        if same < max(_FEWEST, 0.7 * len(off)) or not alone:
-            continue
+        if same < max(_FEWEST, 0.7 * len(off)) or not alone or np.isnan(value):
+            continue  # of a whole pose nothing is read
         inliers = np.unique(sample[(readings[:, i] == value) & ~outliers]).size
         if inliers > _RIGHTLY * same:
             continue  # the joint often stands there
