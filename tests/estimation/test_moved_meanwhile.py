@@ -96,6 +96,23 @@ def test_what_moves_is_named_with_when_and_how_far(what, sensor, said, size):
     assert abs(when - AFTER) <= 2
 
 
+@pytest.mark.parametrize(
+    ("what", "said", "size"),
+    [
+        ("marker", r"'hand_tag0' slipped on its link by about (\S+) mm", 4.0),
+        ("tracker", r"sensor 'tracker' moved by about (\S+) mm", 3.0),
+    ],
+)
+def test_what_moves_is_named_with_how_far_of_a_described_robot(what, said, size):
+    tree = one_arm(3, markers=3, poses=POSES, joint_sigma=np.radians(0.05)).tree
+    found = calibrate_tree(recorded(what), description=Description(tree), effects=())
+    change = moved_meanwhile(found.ladder.solution.problem, found.solution)
+    assert change is not None
+    told = re.search(said + f" .*after sample {AFTER}", change.what)
+    assert told, change.what
+    assert float(told[1]) == pytest.approx(size, rel=0.1)
+
+
 def of_a_described_arm(seed, turned_by, poses=40):
     """An arm before two cameras, the right one turned in the middle, and its description."""
     rng = np.random.default_rng(seed)
@@ -329,21 +346,26 @@ def test_wrong_detections_here_and_there_do_not_hide_a_camera_that_turned():
 
 
 @pytest.mark.parametrize(
-    ("set_aside", "lone"),
+    ("set_aside", "beyond", "lone"),
     [
-        ([(0, 0), (7, 1)], [True, True]),
-        ([(pose, 0) for pose in range(8)], [False] * 8),
-        ([(3, marker) for marker in range(4)], [False] * 4),
-        ([(0, 1), *((pose, 0) for pose in range(8, 16))], [True] + [False] * 8),
+        ([(0, 0), (7, 1)], 1.0, [True, True]),
+        ([(pose, 0) for pose in range(8)], 1.0, [False] * 8),
+        ([(3, marker) for marker in range(4)], 1.0, [False] * 4),
+        ([(0, 1), *((pose, 0) for pose in range(8, 16))], 1.0, [True] + [False] * 8),
+        ([(pose, 0) for pose in range(8)], 3.9, [False] * 8),
+        ([(pose, 0) for pose in range(8)], 4.1, [True] + [False] * 7),
     ],
 )
-def test_many_outliers_of_a_marker_or_a_pose_are_no_lone_ones(set_aside, lone):
+def test_many_outliers_of_a_marker_or_a_pose_are_no_lone_ones(set_aside, beyond, lone):
+    # The first is further off than the others, which were knocked.
     pose, marker = np.divmod(np.arange(240), 6)
     table = SimpleNamespace(pose=pose, marker=marker, sensor=np.zeros(240, dtype=int))
     data: Any = SimpleNamespace(observations=table, sample=np.arange(40))
     rows = [6 * pose + marker for pose, marker in set_aside]
     outliers = np.zeros(240, dtype=bool)
     outliers[rows] = True
-    found = lone_outliers(data, outliers)
+    far = np.where(outliers, 10.0, 1.0)
+    far[rows[0]] = 10.0 * beyond
+    found = lone_outliers(data, outliers, far)
     assert found[rows].tolist() == lone
     assert not found[~outliers].any()

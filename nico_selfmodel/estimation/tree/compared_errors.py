@@ -95,7 +95,7 @@ def _off(errors: TreeErrors, usual: NDArray | None, on_its_own: bool) -> NDArray
     far = errors.by_row()
     told = np.flatnonzero(np.isfinite(far))
     far, pose, marker = far[told] / usual[told], table.pose[told], table.marker[told]
-    about = np.maximum(1.0, _around(far, pose, marker))
+    about = np.maximum(1.0, median_around(far, pose, marker))
     if on_its_own:
         about = np.maximum(about, _median_of_pose(far, pose))
     off[told] = far > OUTLIER_AT * about
@@ -112,7 +112,7 @@ def _median_of_pose(values: NDArray, pose: NDArray) -> NDArray:
     return np.asarray(values[np.lexsort((values, of))][middle][of])
 
 
-def _around(values: NDArray, pose: NDArray, marker: NDArray) -> NDArray:
+def median_around(values: NDArray, pose: NDArray, marker: NDArray) -> NDArray:
     """Return the median of what was seen of the same marker before and after. Shape (N,)."""
     order = np.lexsort((pose, marker))
     at = np.arange(len(order))[:, None] + np.arange(-_BESIDE, _BESIDE + 1)

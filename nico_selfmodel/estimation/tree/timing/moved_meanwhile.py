@@ -66,14 +66,15 @@ def moved_meanwhile(problem: TreeProblem, solution: TreeSolution) -> Change | No
     np.maximum.at(last, rank[timed], data.sample[timed])
     linear = problem.residuals.linear(solution.values)
     groups, columns = _groups(problem, linear, solution)
-    lone = lone_outliers(data, solution.outliers)
+    far = np.sqrt(seen.per_row((linear.r / problem.scale) ** 2))
+    lone = lone_outliers(data, solution.outliers, far)
     row = seen.row[~lone[seen.row]]
     white, left = _left(problem, solution, linear, columns, rank[seen.sample], lone)
     size = white.shape[1] ** 2
     most = int(np.clip(_MOST_NUMBERS / size, _FEWEST_SPANS, _MOST_SPANS))
     free = len(problem.free_names)
     prior = solution.whitened[-len(problem.priors) or len(solution.whitened) :]
-    pulled = prior / left.scale[:free], -solution.rest[len(solution.rest) - len(prior) :]
+    pulled = prior * left.scale[:free], -solution.rest[len(solution.rest) - len(prior) :]
     sums = ScoreSums.of(white, left.visit, left, np.arange(free), last, pulled, row, most)
 
     def mixed(found: CourseFound) -> bool:
