@@ -56,6 +56,7 @@ class Workers:
             What it returned, in the order of the tasks, whoever did them.
 
         Raises:
+            Exception: What a job raised; the others end then.
             ConnectionError: If no Dask scheduler answers.
             ChildProcessError: If a process was killed, as one is when memory runs out.
             ValueError: If Dask is not installed.
@@ -80,7 +81,8 @@ class Workers:
 
 
 def _gathered(futures: list[Any], finished: Iterator[Any], tell: Callable[..., None]) -> list[Any]:
-    for done, _ in enumerate(finished, start=1):
+    for done, one in enumerate(finished, start=1):
+        one.result()  # an error ends all at once, not when the longest job is done
         tell(done, len(futures))
     return [future.result() for future in futures]
 
@@ -97,7 +99,7 @@ def _processes(count: int) -> Iterator[Executor]:
             "a process was killed before its job was done, as when memory runs out: take fewer "
             "--processes"
         ) from error
-    except KeyboardInterrupt:
+    except BaseException:
         for child in active_children():
             if child not in others:
                 child.terminate()

@@ -10,6 +10,7 @@ from types import MappingProxyType
 
 import pytest
 
+from nico_selfmodel.errors import DataError
 from nico_selfmodel.experiments.mirror_test.stages import MirrorTest
 from nico_selfmodel.experiments.mirror_test.structure import StructureStage
 from nico_selfmodel.parallel import Workers
@@ -85,3 +86,17 @@ def test_processes_end_with_the_one_that_started_them(tmp_path, stop):
 def test_a_process_that_is_killed_is_told_as_one_that_lacks_memory():
     with pytest.raises(ChildProcessError, match="memory runs out: take fewer --processes"):
         Workers(2).map(die, [0, 1])
+
+
+def sleep_or_fail(seconds):
+    if not seconds:
+        raise DataError("nothing was seen")
+    time.sleep(seconds)
+
+
+@pytest.mark.slow
+def test_an_error_in_one_process_ends_the_others_at_once():
+    began = time.monotonic()
+    with pytest.raises(DataError, match="nothing was seen"):
+        Workers(2).map(sleep_or_fail, [120.0, 0.0])
+    assert time.monotonic() - began < 60.0

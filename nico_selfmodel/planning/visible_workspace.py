@@ -182,7 +182,12 @@ class VisibleWorkspace:
         return widest_sweeps(self.arm, poses, self.usable, self.limits.arc, self.markers)
 
     def plan(
-        self, joints: Sequence[JointInfo], circle: int, free: int, rng: np.random.Generator
+        self,
+        joints: Sequence[JointInfo],
+        circle: int,
+        free: int,
+        rng: np.random.Generator,
+        spare: float = SPARE,
     ) -> Plan:
         """Plan circles and free poses in view of both cameras, some free ones to spare.
 
@@ -190,13 +195,14 @@ class VisibleWorkspace:
             joints: The joints with stops, which stand for the limits of the description.
             circle: Poses on circles, home not counted.
             free: Free poses wanted.
+            spare: Poses planned for each that is wanted.
         """
         arm, n = self.arm, len(self.arm.joints)
 
         def to(q: NDArray) -> NDArray:
             return commands_of_angles(joints, arm.lower, arm.upper, q)
 
-        poses = self.random_poses(int(np.ceil(SPARE * free)), rng)
+        poses = self.random_poses(int(np.ceil(spare * free)), rng)
         home, ends = self.home_and_arcs() if circle else (arm.lower, np.zeros((n, 2)))
         return pose_plan(
             joints, to(home), to(ends.T).T, circle, to(poses), home_repeats=HOME_REPEATS

@@ -19,6 +19,7 @@ from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.planning.visible_workspace import SPARE
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
@@ -26,6 +27,8 @@ from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 MARKERS = {"stereo-fiducial": "fiducial", "stereo-color": "finger_tip"}
 """Sensor -> what it looks at."""
+_TRIED = 60
+"""Poses to judge by that are planned at least: where few show the hand, it may be in none of 15."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,6 +162,7 @@ def watch_hand(
         counts.test,
         rig=cameras.rig,
         observed=observed,
+        spare=max(SPARE, _TRIED / max(counts.test, 1)),
         progress=telling(stage, "new poses, kept for judging"),
     )
     return WatchedHand(views, cameras, train, test)

@@ -13,7 +13,7 @@ from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.planning.board_poses import board_poses
 from nico_selfmodel.planning.plans import Plan, given_commands
-from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
+from nico_selfmodel.planning.visible_workspace import SPARE, VisibleWorkspace
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.recording.observed_body import ObservedBody
 from nico_selfmodel.recording.session import record
@@ -93,9 +93,16 @@ class RenderedNico:
             near_marks=True,
         )
 
-    def plan(self, station: NicoStation, circle: int, free: int, rng: np.random.Generator) -> Plan:
+    def plan(
+        self,
+        station: NicoStation,
+        circle: int,
+        free: int,
+        rng: np.random.Generator,
+        spare: float = SPARE,
+    ) -> Plan:
         """Plan circles and free poses, some to spare."""
-        return self.workspace.plan(station.joints, circle, free, rng)
+        return self.workspace.plan(station.joints, circle, free, rng, spare)
 
     def record(
         self,
@@ -109,6 +116,7 @@ class RenderedNico:
         keep_images: bool = False,
         observed: bool = False,
         poses: NDArray | None = None,
+        spare: float = SPARE,
         progress: Callable[[int, int], None] | None = None,
     ) -> Dataset:
         """Record circles and free poses.
@@ -121,6 +129,7 @@ class RenderedNico:
             folder: Where to keep samples from the first one on; resumed if it is there.
             observed: Let ground truth measure the hand too, in the left camera's frame.
             poses: Visited instead of random ones [encoder units]. Shape (N, n).
+            spare: Free poses planned for each that is wanted: no more are visited than it takes.
 
         Raises:
             ValueError: If a given pose lies beyond a joint's stop.
@@ -128,7 +137,7 @@ class RenderedNico:
         with self.station(session, rig) as station:
             body = StationBody(station, station.joints, self.tracked, keep_images=keep_images)
             rng = np.random.default_rng((self.seed, session, 2))
-            plan = self.plan(station, circle, free if poses is None else 0, rng)
+            plan = self.plan(station, circle, free if poses is None else 0, rng, spare)
             if poses is not None:
                 plan += given_commands(station.joints, poses)
             return record(

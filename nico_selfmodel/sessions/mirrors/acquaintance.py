@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 from numpy.typing import NDArray
 
+from nico_selfmodel.errors import EstimationError, SelfModelError
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.sessions.camera_scenario import (
     ArmScenario,
@@ -50,10 +51,16 @@ def acquainted(
 
     Args:
         seeds: Which robots.
+
+    Raises:
+        EstimationError: If one cannot, with its seed.
     """
     found = []
     for i, seed in enumerate(seeds):
-        learned = learn_six_joints(world, seed, of_robot(progress, i, len(seeds)))
+        try:
+            learned = learn_six_joints(world, seed, of_robot(progress, i, len(seeds)))
+        except SelfModelError as error:
+            raise EstimationError(f"robot {seed} did not learn its arm: {error}") from error
         found.append(Acquainted(seed, world, learned.model, learned.train.encoders))
     return tuple(found)
 
@@ -68,7 +75,8 @@ def learn_six_joints(
 
     Args:
         seed: Which robot.
-        held_out: Poses to judge by; in a third of them the hand is seen.
+        held_out: Poses to judge by, of which as many are tried as it takes: in a third of them the
+            hand is seen.
     """
     arm = touching_arm(FIDUCIAL)
     nico = RenderedNico(world, seed, (FIDUCIAL,), ImageQuality(), arm, corners=True)
