@@ -7,6 +7,8 @@ from collections.abc import Collection, Iterable
 LONGEST_NAME = 200
 """Characters that a name may have."""
 _MOST_LISTED = 8
+TAGS_OF_ONE_ID = "tags of one id cannot be told apart, give each its own"
+"""What is said where one marker is at two places at once."""
 
 
 def check_name(text: object, what: str, *, in_table: bool = True) -> None:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from nico_selfmodel.dataset.columns import PIXEL_COLUMNS, POINT_COLUMNS
 from nico_selfmodel.dataset.joint_info import HOME
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.names import check_name, listed, shown
+from nico_selfmodel.names import TAGS_OF_ONE_ID, check_name, listed, shown
 
 Place = Callable[[int, str | None], str]
 """Says where a row (and column) is: the line of a file, or the index of a row."""
@@ -43,7 +43,7 @@ def check_rows(columns: dict[str, Any], joint_names: Sequence[str], where: Place
     _check_whole(columns["p_WH_measured"], POINT_COLUMNS, where)
     _check_whole(columns["pixels"][:, :2], PIXEL_COLUMNS[:2], where)
     _check_whole(columns["pixels"][:, 2:], PIXEL_COLUMNS[2:], where)
-    _check_no_duplicates(columns["sample"], columns["marker"], columns["mirror"], where)
+    _check_no_duplicates(columns, where)
     _check_one_pose_per_sample(columns, joint_names, where)
 
 
@@ -83,22 +83,27 @@ def _check_whole(values: npt.NDArray[np.float64], names: Sequence[str], where: P
         )
 
 
-def _check_no_duplicates(
-    sample: npt.NDArray[np.int64],
-    marker: npt.NDArray[np.str_],
-    mirror: npt.NDArray[np.str_],
-    where: Place,
-) -> None:
+def _check_no_duplicates(columns: dict[str, Any], where: Place) -> None:
     first: dict[tuple[int, str, str], int] = {}
-    for row, key in enumerate(zip(sample.tolist(), marker.tolist(), mirror.tolist(), strict=True)):
+    keys = (columns[key].tolist() for key in ("sample", "marker", "mirror"))
+    for row, key in enumerate(zip(*keys, strict=True)):
         if key in first:
             reflected = f" in mirror {key[2]!r}" if key[2] else ""
             earlier = _short(where(first[key], None))
             raise DataError(
                 f"{where(row, 'sample')}: sample {key[0]} with marker {key[1]!r}{reflected}"
-                f" is already in {earlier}; give each pose its own sample number"
+                f" is already in {earlier}; {_one_or_two(columns, first[key], row)}"
             )
         first[key] = row
+
+
+def _one_or_two(columns: dict[str, Any], one: int, other: int) -> str:
+    """Say what rows of one sample and marker may be: two tags where they differ at one pose."""
+    measured = [columns[key] for key in ("p_WH_measured", "pixels")]
+    same = all(np.array_equal(of[one], of[other], equal_nan=True) for of in measured)
+    if same or not np.array_equal(columns["encoders"][one], columns["encoders"][other]):
+        return "give each pose its own sample number"
+    return f"{TAGS_OF_ONE_ID}, or if these are two poses a sample number each"
 
 
 def _check_one_pose_per_sample(

@@ -1,6 +1,7 @@
 """A detector run over many photographs, and the folder that tells what it saw."""
 
 import json
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.csv_cells import quoted_cell, safe_cell
 from nico_selfmodel.files.whole import RESULT_FILE, folder_written_whole, refuse_folder
+from nico_selfmodel.names import TAGS_OF_ONE_ID, listed
 from nico_selfmodel.progress import Progress
 from nico_selfmodel.vision.annotate import Seen, annotated
 from nico_selfmodel.vision.boards.board_detection import AnyBoard, BoardDetection
@@ -21,7 +23,7 @@ from nico_selfmodel.vision.color.color_blob import ColorBlob, find_color_blob
 from nico_selfmodel.vision.color.color_model import ColorModel
 from nico_selfmodel.vision.images.image_file import image_files, looking_at, read_image, write_image
 from nico_selfmodel.vision.images.not_seen import NotSeen
-from nico_selfmodel.vision.markers.fiducial import FiducialSearch
+from nico_selfmodel.vision.markers.fiducial import Fiducial, FiducialSearch, of_one_id
 from nico_selfmodel.vision.markers.fiducial_family import FiducialFamily
 
 FORMAT = "nico-detections/1"
@@ -123,12 +125,16 @@ def write_detections(
         DataError: If there are no photographs, or one cannot be read.
         FileExistsError: If `folder` exists and may not be replaced.
         OSError: If it cannot be written.
+
+    Warns:
+        UserWarning: If tags of one id are at two places of a photograph; it tells which.
     """
     if not files:
         raise DataError("no images were given")
     refuse_folder(folder, force=force, inputs=files)
     rows: list[dict[str, str]] = []
     not_seen: dict[str, str] = {}
+    twice: dict[str, tuple[int, ...]] = {}
     count = 0
     with folder_written_whole(folder, force=force) as new:
         for done, (file, name) in enumerate(zip(files, _names(files), strict=True), start=1):
@@ -137,6 +143,7 @@ def write_detections(
                 seen = detector.look(image)
                 write_image(new / name, annotated(image, seen))
             rows += _rows(str(file), detector.name, seen)
+            twice |= _of_one_id(str(file), seen)
             if isinstance(seen, NotSeen):
                 not_seen[str(file)] = seen.reason
             else:
@@ -153,7 +160,25 @@ def write_detections(
         }
         _write_table(new / TABLE, rows)
         (new / RESULT_FILE).write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    if twice:
+        warnings.warn(_of_one_id_words(twice), stacklevel=2)
     return document
+
+
+def _of_one_id(image: str, seen: list[Seen] | NotSeen) -> dict[str, tuple[int, ...]]:
+    """Return the ids of markers that are at two places of a photograph, if any, by its name."""
+    if isinstance(seen, NotSeen):
+        return {}
+    ids = of_one_id(item for item in seen if isinstance(item, Fiducial))
+    return {image: ids} if ids else {}
+
+
+def _of_one_id_words(twice: dict[str, tuple[int, ...]]) -> str:
+    first, *more = twice
+    where = f"{first} and {len(more)} more" if more else first
+    ids = sorted({one for ids in twice.values() for one in ids})
+    markers = f"marker {ids[0]} is" if len(ids) == 1 else f"markers {listed(ids)} are"
+    return f"{where}: {markers} at two places at once: {TAGS_OF_ONE_ID}"
 
 
 def _names(files: Sequence[Path]) -> list[str]:

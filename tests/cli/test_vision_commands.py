@@ -65,6 +65,16 @@ def test_markers_are_written_to_a_table_and_drawn(photographs, tmp_path, command
     assert all(row["u"] == "" and "no apriltag_36h11 marker" in row["reason"] for row in unseen)
 
 
+def test_tags_of_one_id_in_one_photograph_are_named(photographs, tmp_path, command):
+    marker = cv2.imread(str(photographs / "marker.png"))[:, :160]
+    cv2.imwrite(str(tmp_path / "two.png"), np.hstack([marker, marker]))
+    done = command("detect", tmp_path / "two.png", "--fiducial", "--out", tmp_path / "seen")
+    assert done.returncode == 0, done.stderr
+    words = "two.png: marker 3 is at two places at once: tags of one id cannot be told apart"
+    assert words in " ".join(done.stderr.split())
+    assert len(table(tmp_path / "seen")) == 2
+
+
 def test_a_colour_is_found_with_a_file_of_pick_color(photographs, tmp_path, command):
     color, mask, out = tmp_path / "red.yaml", tmp_path / "mask.png", tmp_path / "seen"
     image = photographs / "patch.png"

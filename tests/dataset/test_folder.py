@@ -193,7 +193,9 @@ def swap(old, new):
         (swap("\n6,", "\n,"), "line 7, column 'sample': '' is not a whole number"),
         (swap("\n6,", "\n" + "6" * 30 + ","), "line 7, column 'sample': '666"),
         (swap("\n6,", "\n\n\n2,"), "line 9, column 'sample': sample 2 with marker 'hand' is al"
-         "ready in line 3"),
+         "ready in line 3; give each pose its own sample number"),
+        (swap("\n6,,hand,220,15", "\n5,elbow,hand,100,80"), "line 7, column 'sample': sample 5 "
+         "with marker 'hand' is already in line 6; tags of one id cannot be told apart, give each"),
         (swap("\n4,elbow,", "\n4,elbo,"), "line 5, column 'sweep': there is no joint 'elbo'; "
          "joints are shoulder, elbow; 'home'"),
         (swap("0.27,0.15", "0.27,"), "line 7, column 'y_m': the cell is empty but others of x_m"),

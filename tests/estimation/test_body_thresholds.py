@@ -32,7 +32,7 @@ from nico_selfmodel.estimation.tree.contradictions.standing_still import (
     still_readings,
 )
 from nico_selfmodel.estimation.tree.contradictions.told_values import agreeing_start
-from nico_selfmodel.estimation.tree.contradictions.wrong_readings import is_off
+from nico_selfmodel.estimation.tree.contradictions.wrong_readings import is_off, markers_elsewhere
 from nico_selfmodel.estimation.tree.timing import off_at_once
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
@@ -208,6 +208,23 @@ def test_noise_of_a_tenth_of_what_a_joint_slid_is_none(slider, share, fails):
     joint = slider.solution.noise.joint.copy()
     joint[1] = share * np.ptp(slider.data.si_readings[:, 1])
     assert ("noise of joint 'j2' would have to be" in with_noise(slider, joint=joint)) is fails
+
+
+@pytest.mark.parametrize(
+    ("own", "of", "others", "named"),
+    [(10, 40, 0, False), (11, 40, 0, True), (2, 3, 14, False), (3, 3, 3, True), (3, 3, 9, False)],
+)
+def test_a_marker_is_at_two_places_by_a_quarter_of_its_sights_and_more_than_chance(
+    own, of, others, named
+):
+    data = one_arm(1, poses=40, markers=3).data
+    first = data.observations.marker == 0
+    data = data.of_rows(np.append(np.flatnonzero(first)[:of], np.flatnonzero(~first)))
+    outliers = np.zeros(len(data.observations), dtype=bool)
+    outliers[:own] = True
+    outliers[of + np.linspace(0, 79, others).astype(int)] = True
+    found = markers_elsewhere(SimpleNamespace(data=data), outliers)
+    assert found == ({data.markers[0].name: (own, of)} if named else {})
 
 
 @pytest.mark.parametrize(("count", "named"), [(1, False), (2, True)])

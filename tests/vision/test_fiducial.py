@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.vision.images.not_seen import NotSeen
-from nico_selfmodel.vision.markers.fiducial import FiducialSearch
+from nico_selfmodel.vision.markers.fiducial import FiducialSearch, of_one_id
 from nico_selfmodel.vision.markers.fiducial_family import FiducialFamily
 
 from .printed_boards import CODES_36H11, cells_of_code
@@ -81,6 +81,19 @@ def test_a_marker_and_its_reflection_are_both_reported(april_tags):
     ambiguous = FiducialSearch.of(both).one(marker=4)
     assert isinstance(ambiguous, NotSeen)
     assert "4, 4 (mirrored) were seen" in ambiguous.reason
+
+
+def test_two_tags_of_one_id_are_not_told_apart_and_named(april_tags):
+    rng = np.random.default_rng(3)
+    image = render_marker(april_tags, 4, random_view(rng, 50, (320, 240)), rng).image
+    both = FiducialSearch.of(np.hstack([image, image]))
+    assert of_one_id(both.seen) == (4,)
+    words = "marker 4 is at two places at once: tags of one id cannot be told apart, give each its"
+    for mirrored in (None, False):
+        assert both.one(4, mirrored=mirrored).reason.startswith(words)
+    mirrors = FiducialSearch.of(np.ascontiguousarray(np.hstack([image, image])[:, ::-1]))
+    assert len(mirrors.seen) == 2
+    assert of_one_id(mirrors.seen) == ()  # one tag may be in two mirrors
 
 
 def test_small_markers_are_read_from_the_enlarged_image(april_tags):

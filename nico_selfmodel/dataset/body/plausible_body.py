@@ -1,11 +1,20 @@
 """Recordings of bodies that are well formed but can hardly be what they say: units."""
 
+import warnings
+
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import numbered_rows
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
-from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, FIRST_SIGMA, POINTS, POSES
+from nico_selfmodel.dataset.body.sensors import (
+    CAMERA,
+    DISTANCE,
+    FIRST_SIGMA,
+    POINTS,
+    POSES,
+    SIGHTS,
+)
 from nico_selfmodel.dataset.plausibility import (
     MAX_SPREAD_M,
     check_radians,
@@ -18,6 +27,7 @@ from nico_selfmodel.dataset.plausibility import (
 )
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC
+from nico_selfmodel.names import TAGS_OF_ONE_ID, listed
 
 _LENGTHS = "Lengths are"
 _ONE_PLACE = 0.05
@@ -25,6 +35,8 @@ _ONE_PLACE = 0.05
 two markers, where they are farther apart ..."""
 _SURELY = 10.0
 """... than so many standard deviations of the sensor: frames of a robot that stands differ, too."""
+_FEW, _ACCIDENTS = 2, 0.1
+"""So many sights of a marker, and so large a part of them, may be at two places by wrong labels."""
 
 
 def check_plausible_body(data: BodyDataset) -> None:
@@ -33,12 +45,12 @@ def check_plausible_body(data: BodyDataset) -> None:
     Raises:
         DataError: If places spread over more than 100 m, distances or markers of known place over
             more than 20 m, a rotation vector turns by more than a whole turn, some samples are in
-            degrees, many observations are copies, places exactly 0, or a marker mostly at two
+            degrees, many observations are copies, places exactly 0, or a marker often at two
             places at once.
 
     Warns:
-        UserWarning: If places spread over more than 20 m or less than 5 mm, or a joint read in
-            `rad` turned by more than two whole turns.
+        UserWarning: If places spread over more than 20 m or less than 5 mm, a joint read in
+            `rad` turned by more than two whole turns, or a marker was at two places at once.
     """
     table, widest = data.observations, np.zeros((1, 3))
     for s, sensor in enumerate(data.sensors):
@@ -52,7 +64,6 @@ def check_plausible_body(data: BodyDataset) -> None:
         if sensor.kind in (POINTS, POSES, CAMERA) and (rows != ANY_POSE).all():
             width = 2 if sensor.kind == CAMERA else 3
             refuse_nothings(data.sample[rows], own[:, :width], f"places by sensor {sensor.name!r}")
-            _refuse_two_places(data, s, own[:, :width])
         if sensor.kind in (POINTS, POSES):
             check_spread(f"{what}: up to", _from_middle(own[:, :3]), _LENGTHS)
             widest = max(widest, own[:, :3], key=_from_middle)
@@ -60,6 +71,7 @@ def check_plausible_body(data: BodyDataset) -> None:
             warn_of_outside(own[:, :2], sensor.image_size, what)
         if sensor.kind == POSES:
             _check_turns(f"orientations of sensor {sensor.name!r}", own[:, 3:6])
+    _check_one_place(data)
     if not stood_still(data.si_as_read):
         warn_of_specks("all places that sensors measured lie", widest, _LENGTHS)
     xyz = np.array([marker.xyz for marker in data.markers if marker.xyz is not None])
@@ -86,30 +98,42 @@ def check_plausible_body(data: BodyDataset) -> None:
     check_radians(names, data.readings[:, in_rad], data.sample, "poses.csv")
 
 
-def _refuse_two_places(data: BodyDataset, s: int, p: NDArray) -> None:
-    """Refuse markers that a sensor mostly saw at two places at once: some are wrong labels.
+def _check_one_place(data: BodyDataset) -> None:
+    """Refuse markers that were seen at two places at once too often for a wrong label now and then.
 
-    Args:
-        s: The sensor.
-        p: Places that it measured. Shape (N, 2) or (N, 3).
+    Raises:
+        DataError: If there is one.
+
+    Warns:
+        UserWarning: If there is one, but seldom.
     """
-    table = data.observations
-    pose, marker, mirror = (
-        of[table.sensor == s] for of in (table.pose, table.marker, table.mirror)
-    )
-    mirror = np.unique(mirror, return_inverse=True)[1]
-    first, same = numbered_rows(np.column_stack([pose, marker, mirror]))
-    apart = np.linalg.norm(p - p[first[same]], axis=1)
-    spread, noise = np.linalg.norm(np.std(p, axis=0)), FIRST_SIGMA[data.sensors[s].kind]
-    far = apart > max(_ONE_PLACE * spread, _SURELY * noise)
-    for m in np.unique(marker[far]).tolist():
-        samples = np.unique(pose[far & (marker == m)])
-        if 2 * len(samples) > len(np.unique(pose[marker == m])):
-            raise DataError(
-                f"sensor {data.sensors[s].name!r} saw {data.markers[m].name!r} at two places at "
-                f"once in {len(samples)} samples, first in {data.sample[samples[0]]}: tags of one "
-                "id cannot be told apart, give each its own, or leave these rows out"
-            )
+    table, kinds = data.observations, [sensor.kind for sensor in data.sensors]
+    sights, twice = [], []
+    for s in (s for s, kind in enumerate(kinds) if kind in SIGHTS):
+        rows = np.flatnonzero((table.sensor == s) & (table.pose != ANY_POSE))
+        own = table.select(rows)
+        mirror = np.unique(own.mirror, return_inverse=True)[1]
+        first, same = numbered_rows(np.column_stack([own.pose, own.marker, mirror]))
+        p = own.values[:, : 2 if kinds[s] == CAMERA else 3]
+        apart = np.linalg.norm(p - p[first[same]], axis=1)
+        least = max(_ONE_PLACE * np.linalg.norm(np.std(p, axis=0)), _SURELY * FIRST_SIGMA[kinds[s]])
+        sights.append(rows[first])
+        twice.append(rows[first[np.unique(same[apart > least])]])
+    if not any(map(len, twice)):
+        return
+    all_of, off = (np.concatenate(rows) for rows in (sights, twice))
+    for m in np.unique(table.marker[off]).tolist():
+        own = off[table.marker[off] == m]
+        most = _FEW + _ACCIDENTS * np.count_nonzero(table.marker[all_of] == m)
+        who = listed(repr(data.sensors[s].name) for s in np.unique(table.sensor[own]).tolist())
+        what = (
+            f"{who} saw {data.markers[m].name!r} at two places at once ({len(own)} times, first "
+            f"in sample {data.sample[table.pose[own]].min()}): {TAGS_OF_ONE_ID}, tell reflections "
+            "by `mirror`, or leave these rows out"
+        )
+        if len(own) > most:
+            raise DataError(what)
+        warnings.warn(what, stacklevel=4)
 
 
 def _from_middle(places: NDArray) -> float:

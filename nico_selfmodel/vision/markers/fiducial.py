@@ -1,5 +1,6 @@
 """Square fiducial markers: which, where, and whether in a mirror."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import cv2
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.geometry.homography import apply_homography, homography, marker_center
+from nico_selfmodel.names import TAGS_OF_ONE_ID
 from nico_selfmodel.vision.images.image_array import detectable, reduced
 from nico_selfmodel.vision.images.not_seen import NotSeen
 from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY, FiducialFamily
@@ -90,6 +92,8 @@ class FiducialSearch:
         ]
         if len(wanted) == 1:
             return wanted[0]
+        if marker is not None and of_one_id(wanted):
+            return NotSeen(f"marker {marker} is at two places at once: {TAGS_OF_ONE_ID}")
         if wanted:
             return NotSeen(f"{_names(wanted)} were seen: say which one is meant")
         what = f"{self.family} marker" + ("" if marker is None else f" {marker}")
@@ -98,6 +102,12 @@ class FiducialSearch:
 
     def _none(self, what: str) -> NotSeen:
         return NotSeen(f"no {what}" + (f"; {self.blurred}" if self.blurred else ""))
+
+
+def of_one_id(seen: Iterable[Fiducial]) -> tuple[int, ...]:
+    """Return ids that are at two places at once; one tag may be in several mirrors."""
+    ids = [item.id for item in seen if not item.mirrored]
+    return tuple(sorted({one for one in ids if ids.count(one) > 1}))
 
 
 def _family(family: FiducialFamily | str) -> FiducialFamily:

@@ -30,6 +30,7 @@ from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_en
 from nico_selfmodel.estimation.tree.contradictions.views_apart import views_apart
 from nico_selfmodel.estimation.tree.contradictions.wrong_readings import (
     contradicted_sensors,
+    markers_elsewhere,
     poses_off,
     read_wrongly,
     seen_wrongly,
@@ -40,9 +41,10 @@ from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_setup import KNOWN_PLACES
+from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
 from nico_selfmodel.model.tree.body_tree import PRISMATIC, REVOLUTE, WORLD
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
-from nico_selfmodel.names import listed
+from nico_selfmodel.names import TAGS_OF_ONE_ID, listed
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 
 _NOTABLE = 0.005
@@ -77,18 +79,34 @@ def contradiction_findings(calibration: TreeCalibration) -> list[Finding]:
         cause = dead_encoders(calibration.data, [joint]) or f"{cause}it slips"
         text = f"readings of joint {joint!r} would be wrong in {wrong} of {of} poses: {cause}"
         found.append(Finding(FAILURE, text))
-    for link, (wrong, of) in seen_wrongly(seen, solution).items():
-        text = (
-            f"{wrong} of {of} observations of markers on {link!r} contradict the rest: check which "
-            "link they are on, their labels, and the readings of the joints on the way"
-        )
-        found.append(Finding(FAILURE, text))
+    found += _of_labels(seen, solution)
     found += _outvoted(calibration, seen)
     # A known body is held against poses as what it knows of noise and itself tells.
     poses = [] if calibration.anew else _of_poses(calibration)
     failed = [*found, *poses]
     others = [name for name in calibration.data.joint_names if name not in misread]
     return [*_stood_still(calibration, others), *failed] if failed else []
+
+
+def _of_labels(seen: TreeObservations, solution: TreeSolution) -> list[Finding]:
+    """Say of which links, and else of which markers, too much contradicts the rest."""
+    links, found = seen_wrongly(seen, solution), list[Finding]()
+    for link, (wrong, of) in links.items():
+        text = (
+            f"{wrong} of {of} observations of markers on {link!r} contradict the rest: check which "
+            "link they are on, their labels, and the readings of the joints on the way"
+        )
+        found.append(Finding(FAILURE, text))
+    on = {marker.name: marker.on for marker in seen.data.markers}
+    for marker, (wrong, of) in markers_elsewhere(seen, solution.outliers).items():
+        if on[marker] not in links:
+            text = (
+                f"{wrong} of {of} observations of marker {marker!r} contradict the rest, as if it "
+                f"were at two places: {TAGS_OF_ONE_ID}; or check its labels, and whether it moved "
+                "on its link"
+            )
+            found.append(Finding(FAILURE, text))
+    return found
 
 
 def _stood_still(calibration: TreeCalibration, others: list[str]) -> list[Finding]:

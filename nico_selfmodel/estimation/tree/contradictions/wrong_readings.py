@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
+from nico_selfmodel.dataset.body.sensors import SIGHTS
 from nico_selfmodel.estimation.diagnosis.gear_check import AS_MUCH, LEAST_SIGMAS, DoubtfulGear
 from nico_selfmodel.estimation.diagnosis.score_test import ScoreTest
 from nico_selfmodel.estimation.diagnosis.systematic_residuals import FEWEST_POSES
@@ -12,7 +13,7 @@ from nico_selfmodel.estimation.noise.contradictions import (
     Contradictions,
     most_expected,
 )
-from nico_selfmodel.estimation.results.verdict import outliers_are_many
+from nico_selfmodel.estimation.results.verdict import MOST_OUTLIERS, outliers_are_many
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.timing.weighed_body import WeighedBody
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
@@ -59,6 +60,26 @@ def seen_wrongly(seen: TreeObservations, solution: TreeSolution) -> dict[str, tu
         own = solution.outliers[seen.data.seen_on == i]
         if own.sum() > 1 and outliers_are_many(own) is not None:
             found[joint.name] = (int(own.sum()), len(own))
+    return found
+
+
+def markers_elsewhere(seen: TreeObservations, outliers: NDArray) -> dict[str, tuple[int, int]]:
+    """Return markers of which more observations are outliers than by chance: how many, of how many.
+
+    Args:
+        seen: What was seen.
+        outliers: By row of the table. Boolean, shape (N,).
+    """
+    table, found = seen.data.observations, {}
+    kinds = np.array([sensor.kind for sensor in seen.data.sensors])
+    sights = np.isin(kinds[table.sensor], SIGHTS)
+    for m, marker in enumerate(seen.data.markers):
+        own, others = (outliers[sights & one] for one in (table.marker == m, table.marker != m))
+        if outliers_are_many(own) is None or not len(others):
+            continue
+        wrong, share = int(own.sum()), min(max(float(others.mean()), LEAST_SHARE), MOST_OUTLIERS)
+        if wrong > most_expected(len(own), share):
+            found[marker.name] = (wrong, len(own))
     return found
 
 
