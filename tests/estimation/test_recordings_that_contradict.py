@@ -12,6 +12,7 @@ from nico_selfmodel.dataset.body.sensors import CAMERA, SensorInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE, NOTE, WARNING
+from nico_selfmodel.estimation.tree.contradictions.contradiction_words import as_printed
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, severity_of
 from nico_selfmodel.estimation.tree.contradictions.wrong_readings import poses_off
 from nico_selfmodel.estimation.tree.known.lens_parts import (
@@ -135,12 +136,12 @@ def test_a_target_of_another_size_fails_by_eight_poses_of_a_flange(seed, factor,
         assert float(told[1]) == pytest.approx(3.1, abs=0.3)
 
 
-def tag_before_a_camera(seed, factor):
+def tag_before_a_camera(seed, factor, count=1):
     """An arm with a tag whose poses are too long by a factor, and its description a little off."""
     rng = np.random.default_rng(seed)
     names = [f"j{i + 1}" for i in range(6)]
     chain, frames = serial(rng, names, "world", 0.5)
-    infos, attached = tags(rng, "hand", names[-1], 1)
+    infos, attached = tags(rng, "hand", names[-1], count)
     sensors = [SensorInfo("camera", "poses")]
     places = [looking_at(np.array([1.3, 0.2, 0.4]), [0.0, 0.0, 0.3])]
     tree = assembled(chain, frames, infos, attached, sensors, places, {})
@@ -156,10 +157,20 @@ def tag_before_a_camera(seed, factor):
 def test_a_tag_that_is_printed_too_small_is_named_beside_a_description(seed, factor):
     data, description = tag_before_a_camera(seed, factor)
     found = tree_result(calibrate_tree(data, description=description, effects=()))
-    words = [w for w in found.texts(WARNING) if "times as long as all else says" in w]
+    words = [w for w in found.texts(FAILURE) if "times as long as all else says" in w]
     assert len(words) == (factor > 1.0)
+    assert not any("times as long" in word for word in found.texts(WARNING))
     for word in words:
         assert float(word.split(" measured is ")[1].split()[0]) == pytest.approx(factor, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("count", "what"), [(1, "the tag is, or the board's squares are"), (2, "tags are")]
+)
+def test_what_is_of_another_size_is_tags_or_a_board(count, what):
+    data, _ = tag_before_a_camera(1, 1.0, count)
+    said = as_printed(data, "camera", 1.05)
+    assert said == f" ({what} 4.8 % smaller than was told: 23.8 mm if that was 25)"
 
 
 @pytest.mark.slow
@@ -218,6 +229,23 @@ def test_a_board_with_larger_squares_than_told_contradicts_known_distances(facto
 @pytest.mark.parametrize(("chi_square", "severity"), [(10.7, ""), (11.0, WARNING)])
 def test_a_description_is_contradicted_once_in_a_thousand_sound_ones(chi_square, severity):
     score = HeldScore(1.0, np.zeros(1), np.ones(1), 100, chi_square)
+    assert severity_of(score) == severity
+
+
+@pytest.mark.parametrize(
+    ("chi_square", "value", "stated", "severity"),
+    [
+        (12.0, 0.05, True, WARNING),
+        (12.3, 0.05, True, FAILURE),
+        (30.0, -0.021, True, FAILURE),
+        (30.0, 0.019, True, WARNING),
+        (30.0, 0.05, False, WARNING),
+    ],
+)
+def test_a_size_fails_by_a_fiftieth_that_one_in_two_thousand_sound_descriptions_contradicts(
+    chi_square, value, stated, severity
+):
+    score = HeldScore(1.0, np.array([value]), np.full(1, 0.001), 100, chi_square, stated)
     assert severity_of(score) == severity
 
 

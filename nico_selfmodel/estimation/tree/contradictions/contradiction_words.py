@@ -254,20 +254,27 @@ def _of_sensors(calibration: TreeCalibration, *, lengths: bool) -> list[Finding]
         what = f"what sensor {name!r} measured is" if measured else f"{name} is told"
         text = (
             f"{what} {factor:.4g} +- {factor * sigma:.2g} times as long as all else "
-            f"says{_as_squares(calibration.data, name, factor)}: check the size of the target (a "
+            f"says{as_printed(calibration.data, name, factor)}: check the size of the target (a "
             "tag, a board's squares, `xyz` of markers), distances, and units"
         )
         found.append(Finding(severity, text))
     return sorted(found, key=lambda one: one.severity != CAUSE)
 
 
-def _as_squares(data: BodyDataset, name: str, factor: float) -> str:
-    """Say how large squares of a target are that is told so many times too large, if it is one."""
+def as_printed(data: BodyDataset, name: str, factor: float) -> str:
+    """Say how large a target is printed that is told so many times too large, if it is one.
+
+    Several markers of a sensor of poses are tags; one may be a board.
+    """
     places = [m.xyz for m in data.markers if m.xyz and name in (size_of(m.on), target_on(m.on))]
     larger = 100.0 * (1.0 / factor - 1.0)
     off = f"{abs(larger):.1f} % {'larger' if larger > 0.0 else 'smaller'}"
-    if name in {sensor.name for sensor in data.sensors if sensor.kind == POSES}:
-        return f" (squares are {off} than was told: {25.0 / factor:.1f} mm if that was 25)"
+    poses = {s: sensor.name for s, sensor in enumerate(data.sensors) if sensor.kind == POSES}
+    if name in poses.values():
+        table = data.observations
+        seen = np.unique(table.marker[[poses.get(s) == name for s in table.sensor.tolist()]])
+        what = "tags are" if len(seen) > 1 else "the tag is, or the board's squares are"
+        return f" ({what} {off} than was told: {25.0 / factor:.1f} mm if that was 25)"
     if len(places) < 2:
         return ""
     apart = np.linalg.norm(np.array(places)[:, None] - np.array(places), axis=2)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.sensors import DISTANCE, POINTS, POSES
-from nico_selfmodel.estimation.results.calibration_result import CAUSE, WARNING
+from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE, WARNING
 from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
 from nico_selfmodel.estimation.tree.forward.tree_linear import TreeLinear
 from nico_selfmodel.estimation.tree.known.lens_parts import (
@@ -37,6 +37,9 @@ from nico_selfmodel.optimization.chi_square import chi_square_tail
 
 _CHANCE_DESCRIBED = 1e-3
 """How often a sound description may contradict it, of which hardly more than its parts tell."""
+_FAILS, _FAR = 5e-4, 0.02
+"""And how often a size that is stated may, and be off by so much, before it fails: all that is
+learned is as much too large. By less a printer or a ruler is off."""
 _SHARE = 0.1
 """Part of a sensor's squares from which on what is held is a fault; a board 2 % too large
 took 0.43, right lenses of bodies that sag unknown to them 0.003."""
@@ -56,6 +59,8 @@ class HeldScore:
     """How many numbers were measured of what is held."""
     beside_description: float = 0.0
     """Chi square of one freedom that is as rare as how far off a description had to be."""
+    stated: bool = False
+    """Whether it is a size that somebody stated, of a tag or board; a tracker has its own."""
 
 
 def held_scores(
@@ -86,12 +91,13 @@ def held_scores(
     asked = np.column_stack([*lenses.values(), *columns.values()])
     Z, z, redundancy, told = _beside(problem, solution, asked, described)
     variance = max(float(z @ z) / redundancy, np.finfo(float).tiny)
-    scores = {}
+    scores, of_poses = {}, {rows.name for rows in seen.sensors if rows.kind == POSES}
     for (name, column), own in zip(columns.items(), Z[:, len(lenses) :].T, strict=True):
         scalars = int(np.count_nonzero(column))
         if name in targets:
             scalars = min(scalars, 6 * _sights(seen, column))
         score = _score(own, z, variance, scalars, described, told - 1.0)
+        score = replace(score, stated=name in sizes or name in of_poses)
         scores[name] = _beside_noise(score, problem, solution, column)
     return scores, wrong_parts(lenses, Z[:, : len(lenses)], z, redundancy)
 
@@ -226,8 +232,12 @@ def _beside_noise(
 
 
 def severity_of(score: HeldScore) -> str:
-    """Return how much a score says against what is held: `CAUSE`, `WARNING` or nothing."""
+    """Return what a score says against what is held: `CAUSE`, `FAILURE`, `WARNING` or nothing."""
     sound = chi_square_tail(score.gain, len(score.values)) > CHANCE
-    if sound and chi_square_tail(score.beside_description, 1) > _CHANCE_DESCRIBED:
+    described = chi_square_tail(score.beside_description, 1)
+    if sound and described > _CHANCE_DESCRIBED:
         return ""
-    return CAUSE if score.gain > _SHARE * score.scalars else WARNING
+    if score.gain > _SHARE * score.scalars:
+        return CAUSE
+    far = score.stated and float(np.abs(score.values).max()) > _FAR
+    return FAILURE if far and described < _FAILS else WARNING
