@@ -8,6 +8,7 @@ import pytest
 from nico_selfmodel.dataset.body.body_dataset import ObservationTable
 from nico_selfmodel.dataset.body.sensors import MarkerInfo, SensorInfo
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.tree.bending_tree import tree_at
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.geometry.resection import robust_camera_pose
 from nico_selfmodel.geometry.transform import transform
@@ -60,6 +61,16 @@ def test_a_camera_on_a_hand_is_placed_by_markers_located_or_not(seed, tracked_ro
         for eye in [next(s for s in one.sensors if s.name == "eye").X_LA[:3, 3]]
     ]
     assert apart[0] == pytest.approx(apart[1], abs=4e-3)
+
+
+def test_what_bends_is_told_by_the_camera_where_all_markers_stand_in_the_room():
+    """It ended in an error of numpy's once something bent."""
+    tree, data = recorded_with_an_eye(3, 0)
+    room = tuple(marker for marker in tree.markers if marker.on == WORLD)
+    points, turned_by = tree_at(replace(tree, markers=room), data)(None)
+    assert (len(points), turned_by.shape) == (40, (40, 4))
+    assert np.linalg.norm(np.ptp(points, axis=0)) > 0.3
+    assert len(tree_at(tree, data)(None)[0]) == 80  # of its markers, where it has some
 
 
 @pytest.mark.slow

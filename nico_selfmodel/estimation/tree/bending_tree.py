@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset.body.body_dataset import ANY_POSE
+from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
 from nico_selfmodel.dataset.body.sensors import CAMERA, SIGHTS
 from nico_selfmodel.estimation.bending.asked_poses import (
     FEWEST_POSES,
@@ -16,6 +16,7 @@ from nico_selfmodel.estimation.bending.asked_poses import (
 )
 from nico_selfmodel.estimation.bending.bending_arm import SURE
 from nico_selfmodel.estimation.bending.steps import from_both_sides
+from nico_selfmodel.estimation.bending.what_bends import At
 from nico_selfmodel.estimation.tree.boards.poses_apart import PosesApart
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
@@ -24,7 +25,7 @@ from nico_selfmodel.estimation.tree.tree_setup import Priors
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.estimation.tree.weighed_tree import TreePosture, WeighedTree, lengths
 from nico_selfmodel.model.arm.bending import COUPLING, LOADS, Bending
-from nico_selfmodel.model.tree.body_tree import REVOLUTE, BodyTree
+from nico_selfmodel.model.tree.body_tree import REVOLUTE, WORLD, BodyTree
 from nico_selfmodel.model.tree.spread_weight import tree_loads, tree_rods
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.optimization.losses import robust_scale
@@ -45,6 +46,23 @@ class TreeBend:
     def posture(self) -> TreePosture:
         """Its parameters."""
         return TreePosture(self.problem.residuals.parameters, self.solution.values)
+
+
+def tree_at(tree: BodyTree, data: BodyDataset) -> At:
+    """Return where what is tracked is at a recording's poses, whatever bends in the body.
+
+    Markers on links, or what sees where all that is seen stands in the room.
+    """
+    carried = [one for one in tree.markers if one.on != WORLD]
+    carried = carried or [one for one in tree.sensors if one.on != WORLD]
+
+    def at(bending: Bending | None) -> tuple[NDArray, NDArray]:
+        bent = replace(tree, bending=bending)
+        motion = TreeMotion.at(bent, data.si_readings, data.X_flange, data.si_approach)
+        points = [motion.pose_of(one)[1].T for one in carried]
+        return np.concatenate(points), motion.q.T
+
+    return at
 
 
 @dataclass(frozen=True, eq=False)

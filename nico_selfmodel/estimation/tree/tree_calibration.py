@@ -15,7 +15,7 @@ from nico_selfmodel.estimation.bending.steps import STEPS
 from nico_selfmodel.estimation.bending.what_bends import At
 from nico_selfmodel.estimation.diagnosis.changes_in_time import Change
 from nico_selfmodel.estimation.diagnosis.flatness import Flatness
-from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend
+from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend, tree_at
 from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boards
 from nico_selfmodel.estimation.tree.compared_errors import usual_errors
 from nico_selfmodel.estimation.tree.contradictions.against_the_rest import (
@@ -62,9 +62,8 @@ from nico_selfmodel.estimation.tree.tree_setup import (
 )
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.estimation.tree.tree_start import TreeStart
-from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.tree.body_tree import WORLD, BodyTree
+from nico_selfmodel.model.tree.body_tree import BodyTree
 from nico_selfmodel.model.tree.free_joints import body_alone
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import refuse_unknown
@@ -184,16 +183,7 @@ class TreeCalibration:
     @property
     def at(self) -> At:
         """Where markers on links are at the training poses, whatever bends in the body."""
-        data = self.posed
-        carried = [marker for marker in self.tree.markers if marker.on != WORLD]
-
-        def at(bending: Bending | None) -> tuple[NDArray, NDArray]:
-            tree = replace(self.tree, bending=bending)
-            motion = TreeMotion.at(tree, data.si_readings, data.X_flange, data.si_approach)
-            points = [motion.pose_of(marker)[1].T for marker in carried]
-            return np.concatenate(points), motion.q.T
-
-        return at
+        return tree_at(self.tree, self.posed)
 
 
 @on_one_blas_thread
