@@ -94,6 +94,22 @@ def test_numbers_of_a_lens_that_explain_as_much_are_not_told_apart(apart, others
     assert not parts_of(Z, z)
 
 
+@pytest.mark.parametrize(
+    ("part", "gain", "doubted"),
+    [(0, 15.0, None), (0, 15.3, True), (0, 25.9, True), (0, 26.3, False), (1, 25.9, None)],
+)
+def test_a_focal_length_is_doubted_once_in_ten_thousand_and_wrong_once_in_a_million(
+    part, gain, doubted
+):
+    Z, z = np.eye(200, 3), np.zeros(200)
+    z[part], z[3:] = np.sqrt(gain), np.sqrt((200.0 - gain) / 197.0)
+    found = parts_of(Z, z)
+    assert [one.doubted for one in found] == ([] if doubted is None else [doubted])
+    for one in found:
+        assert (one.part, one.value) == (FOCAL, pytest.approx(-np.sqrt(gain)))
+        assert replace(one, scalars=100).severity == (WARNING if doubted else CAUSE)
+
+
 @pytest.mark.parametrize(("value", "said"), [(-2.9, False), (-3.1, True)])
 @pytest.mark.parametrize(("share", "severity"), [(0.029, WARNING), (0.031, CAUSE)])
 def test_a_lens_fails_by_a_thirtieth_of_what_its_camera_saw(value, said, share, severity):

@@ -3,6 +3,8 @@
 One number at a time goes where the squares of the residuals fall most, S to S - g, with what went
 before it; none more where chance does as much. Others that leave S' say as much where n log of S'
 over what the best one leaves is less than twice the logarithm of the odds: they are not told apart.
+Where none goes the focal length of each camera, which zoom and focus change, is asked by itself: it
+is doubted where chance does as much more often, and that is no fault.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,6 +29,8 @@ TOLD = 1e-3
 """Share of a column that must be left beside what was free for it to be told apart."""
 CHANCE = 1e-6
 """How often noise alone may contradict what is held."""
+DOUBTED = 1e-4
+"""How often noise alone may let the focal length of some camera be doubted."""
 _ODDS = 100.0
 """Odds below which two numbers are not told apart."""
 _MOST = 4
@@ -60,6 +64,8 @@ class LensPart:
     """How many numbers the camera measured."""
     others: "tuple[LensPart, ...]" = field(default=())
     """What would do as well, and is not told apart from it."""
+    doubted: bool = False
+    """Whether it is not surely wrong."""
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -69,7 +75,7 @@ class LensPart:
     @property
     def severity(self) -> str:
         """How much this says against what is held."""
-        return CAUSE if self.gain > _SHARE * self.scalars else WARNING
+        return CAUSE if self.gain > _SHARE * self.scalars and not self.doubted else WARNING
 
     def is_worth(self, lens: Camera) -> bool:
         """Whether points in the pictures move enough for it, and surely."""
@@ -108,8 +114,9 @@ def wrong_parts(
     """
     scalars = [int(np.count_nonzero(columns[camera, FOCAL])) for camera, _ in columns]
     first, asked, missed, chosen = np.linalg.norm(Z, axis=0), Z, z, list[int]()
-    found = list[LensPart]()
-    while columns and len(found) <= _MOST:
+    focal = np.array([part == FOCAL for _, part in columns])
+    found, doubted = list[LensPart](), False
+    while columns and len(found) <= _MOST and not doubted:
         size, squares = np.linalg.norm(Z, axis=0), float(z @ z)
         told = size > np.maximum(TOLD * first, np.finfo(float).tiny)
         size = np.where(told, size, np.inf)
@@ -118,7 +125,10 @@ def wrong_parts(
         gain = redundancy * along**2 / max(squares, np.finfo(float).tiny)
         best = int(np.argmin(left))
         if len(columns) * chi_square_tail(float(gain[best]), 1) > CHANCE:
-            break
+            best = int(np.argmin(np.where(focal, left, np.inf)))
+            doubted = int(focal.sum()) * chi_square_tail(float(gain[best]), 1) < DOUBTED
+            if found or not doubted:
+                break
         as_good = told & (redundancy * np.log(left / left[best]) < 2.0 * np.log(_ODDS))
         value, sigma = -along / size, np.sqrt(left / redundancy) / size
         parts = {
@@ -126,7 +136,7 @@ def wrong_parts(
             for k, key in enumerate(columns)
             if as_good[k]
         }
-        found.append(replace(parts.pop(best), others=tuple(parts.values())))
+        found.append(replace(parts.pop(best), others=tuple(parts.values()), doubted=doubted))
         chosen.append(best)
         unit = Z[:, best] / size[best]
         z, Z = z - unit * along[best], Z - np.outer(unit, unit @ Z)
