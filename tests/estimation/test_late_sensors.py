@@ -7,15 +7,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from nico_selfmodel.dataset.body.sensors import SensorInfo
 from nico_selfmodel.estimation.diagnosis.changes_in_time import Change
-from nico_selfmodel.estimation.diagnosis.lag_in_time import Steps, lag_taken_for_noise
-from nico_selfmodel.estimation.diagnosis.score_test import ScoreTest
+from nico_selfmodel.estimation.diagnosis.lag_in_time import (
+    Steps,
+    lag_taken_for_noise,
+    late_together,
+    they_explain,
+)
+from nico_selfmodel.estimation.diagnosis.score_test import Score, ScoreTest
 from nico_selfmodel.estimation.judging import judge, result_of
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, FAILURE, WARNING
 from nico_selfmodel.estimation.tree.timing import late_sensors as module
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vectors_of
 from nico_selfmodel.geometry.transform import inverse, transform
+from nico_selfmodel.model.tree.body_tree import WORLD, Attached
 
 from ..slow_rest import slow_rest
 from .simulated_trees import observed, one_arm
@@ -84,6 +91,84 @@ def test_of_two_cameras_the_late_one_is_named_or_both(late):
     subject = "what all sensors saw" if late is None else "what 'left' saw"
     assert found.late.what.startswith(f"{subject} lags behind the readings")
     assert told(found.late.what) == pytest.approx(0.05, rel=0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("joints", "late"), [(3, "cameras"), (4, "cameras"), (3, "right"), (3, "tracker")]
+)
+def test_cameras_of_one_moment_are_named_beside_a_tracker_and_it_is_not(joints, late):
+    """All three were said to lag, or none."""
+    how = {"joints": joints, "markers": 4, "sensor": "cameras"}
+    made, rng = one_arm(2, **how), np.random.default_rng(2)
+    tree = replace(made.tree, sensors=(*made.tree.sensors, Attached("tracker", WORLD, np.eye(4))))
+    sensors = (*made.data.sensors, SensorInfo("tracker", "points"))
+    noise = {"joint_sigma": np.radians(0.05), "sigma": SIGMA}
+    q, of = path(rng, joints, smooth=False), (tree, made.data.joints, made.data.markers, sensors)
+    now, then = (observed(*of, at, rng, **noise) for at in (q, before(q, 0.25)))
+    table, sees_late = now.observations, {"cameras": [0, 1], "right": [1], "tracker": [2]}[late]
+    own = np.isin(table.sensor, sees_late)
+    values = np.where(own[:, None], then.observations.values, table.values)
+    seen = replace(now, observations=replace(table, values=values))
+    seen = seen.of_rows((table.sensor < 2) | (table.marker == 0))  # of which it sees one
+    found = calibrate_tree(seen, effects=())
+    named = {sensors[s].name for s in sees_late}
+    assert set(re.findall(r"what '(\w+)' saw lags behind", found.late.what)) == named
+    assert "all sensors" not in found.late.what
+    assert told(found.late.what) == pytest.approx(0.25, rel=0.3)  # of a jump it is told roughly
+
+
+class Told:
+    """A score test of which lags and their standard scores are given, by sensor."""
+
+    def __init__(self, scores):
+        self.scores, self.redundancy = scores, 100
+
+    def of(self, columns):
+        values = np.array([self.scores[int(k)] for k in columns.ravel()])
+        return Score(float(np.sum(values**2)), len(values), values, np.ones(len(values)), 0, 1)
+
+
+@pytest.mark.parametrize(
+    ("scores", "named"),
+    [
+        ((5.34, 9.0, 1.0), "ab"),
+        ((5.32, 9.0, 1.0), ""),
+        ((5.34, 9.0, -9.0), "ab"),
+        ((6.0, 6.0, 6.0), ""),
+        ((1.0, 9.0, 1.0), ""),
+        ((6.0, 6.0, 6.0, 1.0), "abc"),
+    ],
+)
+def test_several_lag_and_not_all_where_each_surely_does_beside_the_others(scores, named):
+    suspects = [
+        SimpleNamespace(name=name, lags=lags, column=np.full((1, 1, 1), k if lags else -1))
+        for lags in (True, False)
+        for k, name in zip(range(len(scores)), "abcd", strict=False)
+    ]
+    found = late_together(Told({-1: 0.0, **dict(enumerate(scores))}), suspects)
+    assert "".join(one.name for one in found) == named
+    assert all(one.lags for one in found)
+
+
+@pytest.mark.parametrize(
+    ("scores", "alone", "beside", "left", "do"),
+    [
+        ((8.0, 8.0), 90.0, (3.0, 3.0), 15, True),
+        ((8.0, 8.0), 99.0, (3.0, 3.0), 1000, True),
+        ((8.0, 8.0), 101.0, (3.0, 3.0), 1000, False),
+        ((8.0, 8.0), 90.0, (2.6, 2.6), 1000, False),
+        ((8.0, 8.0), 90.0, (3.0, 3.0), 14, False),
+    ],
+)
+def test_several_explain_more_than_one_by_what_each_more_must_and_what_no_time_does(
+    scores, alone, beside, left, do
+):
+    found = [SimpleNamespace(column=np.full((1, 1, 1), k)) for k in range(2)]
+    both = [Told(dict(enumerate(one))) for one in (scores, beside)]
+    both[0].redundancy, both[1].redundancy = 1e6, left
+    singly = np.array([alone, 500.0]), np.array([0.1, -0.1])
+    assert they_explain(*both, found, singly) is do
 
 
 @pytest.mark.slow

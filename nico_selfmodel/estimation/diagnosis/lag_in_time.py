@@ -3,9 +3,13 @@
 What lags by a part t of the step between two samples misses by -t dp/dq (q_k - q_k-1). A wrong
 gear, an eccentric disc, gravity and backlash miss by what depends on where a joint is and from
 which side it came: a lag is one where it explains what these do not.
+
+Sensors of one moment that is not that of the others, as cameras with one trigger, hold a body
+together: one of them alone says nothing, and all of them that they lag a little. Lags of all are
+asked as one, and those left out, one after the other, that are not sure beside the rest.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -118,11 +122,15 @@ def _found(
     if steps.samples < FEWEST_VISITS:
         return []
     by_angle = test.linear.by_angle
-    suspects, found = list(_suspects(steps, by_angle, seen, joints)), list[_Suspect]()
-    columns, patterns = np.concatenate([one.column for one in suspects], axis=2), None
+    suspects = list(_suspects(steps, by_angle, seen, joints))
+    columns, patterns = _columns(suspects), None
+    found = late_together(test, [one for one in suspects if one.name in seen])
+    if found:
+        patterns = _patterns(steps, by_angle) if granted else by_angle[:, :, :0]
+        if not they_explain(test, test.beside(patterns), found, likelier(test, columns)):
+            found = []
     while len(found) <= len(seen):
-        known = [one.column for one in found]
-        plain = test.beside(np.concatenate(known, axis=2)) if known else test
+        plain = test.beside(_columns(found)) if found else test
         late = _late(plain, columns, SURE)
         if not late.any():
             break
@@ -135,6 +143,59 @@ def _found(
         gain = beside.one_by_one(columns)[0]
         found.append(suspects[int(np.argmax(np.where(late, gain, 0.0)))])
     return found
+
+
+def late_together(test: ScoreTest[Weighed], suspects: Sequence[_Suspect]) -> list[_Suspect]:
+    """Return several sensors, but not all, that lag or lead, each surely so beside the others.
+
+    Args:
+        test: Residuals at the solution.
+        suspects: Sensors, each once lagging and once leading.
+    """
+    found, most = list[_Suspect](), 0.0
+    for lags in (True, False):
+        kept = [one for one in suspects if one.lags == lags]
+        count, gain, least = len(kept), 0.0, -np.inf
+        while len(kept) > 1 and least <= SURE:
+            score = test.of(_columns(kept))
+            sure = np.where(score.values > 0.0, (score.values / score.sigma) ** 2, 0.0)
+            gain, least = score.gain, float(sure.min())
+            if least <= SURE:
+                del kept[int(np.argmin(sure))]
+        if 1 < len(kept) < count and gain > most:
+            found, most = kept, gain
+    return found
+
+
+def they_explain(
+    test: ScoreTest[Weighed],
+    beside: ScoreTest[Weighed],
+    found: Sequence[_Suspect],
+    singly: tuple[NDArray, NDArray],
+) -> bool:
+    """Return whether several explain more than any one does, and than what tells nothing of time.
+
+    Args:
+        test: Residuals at the solution.
+        beside: The same beside what tells nothing of time.
+        found: Suspects.
+        singly: By how much each suspect makes residuals likelier, and its number. Shapes (m,).
+    """
+    likely = [_likelihood(one, one.of(_columns(found)).gain) for one in (test, beside)]
+    best = float(np.max(singly[0], where=singly[1] > 0.0, initial=0.0))
+    enough = beside.redundancy >= _LEAST_REDUNDANCY
+    return bool(enough and likely[0] > best + (len(found) - 1) * SURE and likely[1] > BESIDE)
+
+
+def _columns(suspects: Sequence[_Suspect]) -> NDArray:
+    """Return what they change of the predictions. Shape (N, d, m)."""
+    return np.concatenate([one.column for one in suspects], axis=2)
+
+
+def _likelihood(test: ScoreTest[Weighed], gain: NDArray | float) -> NDArray:
+    """Return by how much gains make residuals likelier: see `likelier`."""
+    part = np.minimum(gain / test.redundancy, 1.0 - 1e-12)
+    return -test.redundancy * np.log1p(-part)
 
 
 def lag_taken_for_noise(
@@ -165,7 +226,7 @@ def lag_taken_for_noise(
 
 
 def _change(found: list[_Suspect], test: ScoreTest[Weighed], seen: list[str]) -> Change:
-    score = test.of(np.concatenate([one.column for one in found], axis=2), of_moved=True)
+    score = test.of(_columns(found), of_moved=True)
     return Change(_words(found, score.values, seen), score.improvement)
 
 
@@ -176,8 +237,7 @@ def likelier(test: ScoreTest[Weighed], columns: NDArray) -> tuple[NDArray, NDArr
     the noise that it leaves, is -N log(1 - R^2). Of few numbers a score is N R^2 at most.
     """
     gain, values = test.one_by_one(columns)
-    part = np.minimum(gain / test.redundancy, 1.0 - 1e-12)
-    return -test.redundancy * np.log1p(-part), values
+    return _likelihood(test, gain), values
 
 
 def _late(test: ScoreTest[Weighed], columns: NDArray, sure: float) -> NDArray:
