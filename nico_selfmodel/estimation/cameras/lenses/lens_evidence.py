@@ -200,8 +200,12 @@ def is_wrong(own: LensEvidence, other: LensEvidence) -> bool:
 
 
 def leaves_doubt(own: LensEvidence, other: LensEvidence, less: float) -> bool:
-    """Tell whether another lens explains unseen boards, and corners not so much less likely."""
-    return not (other.flawed or other.worse_than(own)) and surplus(other, own) < less
+    """Tell whether another lens explains unseen boards, and corners not so much less likely.
+
+    One that misses unseen boards by far more leaves none, be it by a few boards alone.
+    """
+    refused = other.flawed or other.worse_than(own) or other.mean - own.mean > _FAR_NEARER
+    return not refused and surplus(other, own) < less
 
 
 def misfits_of(found: CameraCalibration, options: CameraOptions) -> tuple[LensMisfit, ...]:
