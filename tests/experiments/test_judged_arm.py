@@ -13,7 +13,7 @@ from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.plant.link_surfaces import LinkSurface
 from nico_selfmodel.sessions.looks.expecting import Expecting, Unknown
 from nico_selfmodel.sessions.looks.least_unknown import MOVING, POINTS, Told, least_unknown
-from nico_selfmodel.sessions.looks.mark_finder import MarkFinder
+from nico_selfmodel.sessions.looks.mark_finder import LINK_SIGMA, MarkFinder, place_sigma_of
 from nico_selfmodel.sessions.looks.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.looks.seen_arm import SeenArm
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
@@ -205,3 +205,11 @@ def test_a_spot_whose_middle_lies_beside_the_arm_is_on_it(beside, own):
     pair = SimpleNamespace(labels=labels), SimpleNamespace(labels=labels)
     assert finder._on_arm(pair, at_edge, far) is own
     assert finder._on_arm(pair, far, at_edge) is own
+
+
+def test_a_link_but_the_one_that_carries_the_cameras_may_stand_elsewhere_than_known():
+    unknown = Unknown({"head": 5e-4, "chest": 5e-4}, likely={"head": 3e-4, "chest": 3e-4})
+    own = unknown.place_sigma("head")
+    assert 0.0 < own < 3e-4
+    assert place_sigma_of("head", unknown) == pytest.approx(own)
+    assert place_sigma_of("chest", unknown) == pytest.approx(np.hypot(own, LINK_SIGMA))
