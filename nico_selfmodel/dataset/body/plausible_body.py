@@ -109,7 +109,9 @@ def _check_one_place(data: BodyDataset) -> None:
     """
     table, kinds = data.observations, [sensor.kind for sensor in data.sensors]
     sights, twice = [], []
-    for s in (s for s, kind in enumerate(kinds) if kind in SIGHTS):
+    for s in np.unique(table.sensor[table.pose != ANY_POSE]).tolist():
+        if kinds[s] not in SIGHTS:
+            continue
         rows = np.flatnonzero((table.sensor == s) & (table.pose != ANY_POSE))
         own = table.select(rows)
         mirror = np.unique(own.mirror, return_inverse=True)[1]
