@@ -184,7 +184,7 @@ class TreeObservations:
 
         What no joint moves has one of its own where the sensor sees more: corners of boards are
         found otherwise than markers. What is along the line of sight of a sensor of places or poses
-        has one, and turns about it, see `finer_noise`.
+        has one, and turns about it, see `noise.finer_noise`.
         """
         return tuple(self._first_of_noise)
 

@@ -12,14 +12,13 @@ from nico_selfmodel.estimation.noise.variance_components import (
     VarianceSearch,
 )
 from nico_selfmodel.estimation.tree.noise.finer_noise import finer_noises, noise_ties
-from nico_selfmodel.estimation.tree.noise.noise_evidence import (
-    NoiseEvidence,
-)
+from nico_selfmodel.estimation.tree.noise.noise_evidence import NoiseEvidence
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
 
 DECISIVE = 8.0
-"""Gain of a log likelihood from which on they are: two standard deviations more, and a size."""
+"""Gain of a log likelihood from which on noise is finer, or shared by poses that are alike: two
+standard deviations more, and a size."""
 _LEAST_SHARE = 0.02
 """Part of the residuals below which a standard deviation counts as none."""
 
