@@ -363,6 +363,15 @@ def test_a_lens_leaves_doubt_where_another_explains_boards_nearly_as_well(
     assert lens_evidence.leaves_doubt(own, replace(other, flawed=flawed), 3.0) == doubt
 
 
+@pytest.mark.parametrize(("gain", "doubt"), [(0.099, True), (0.101, False)])
+def test_a_lens_that_misses_unseen_boards_by_far_leaves_no_doubt_be_it_by_one_of_them(gain, doubt):
+    own = left_by_a_lens(np.full(20, 0.01), np.full(20, 0.01))
+    left = np.where(np.arange(20) == 7, 0.01 * np.exp(20 * gain), 0.01)
+    other = left_by_a_lens(np.full(20, 0.01), left)
+    assert not other.worse_than(own)
+    assert lens_evidence.leaves_doubt(own, other, 3.0) == doubt
+
+
 @pytest.mark.slow
 def test_a_fisheye_asked_for_is_left_open_where_a_rational_lens_may_be_right():
     """Of rational lenses 7119 is one that bends light as a fisheye does as far as boards reach."""

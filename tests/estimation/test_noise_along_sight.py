@@ -1,6 +1,8 @@
 """Depth, and tilts of what a camera tells by corners, are far less sure than the rest."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +13,12 @@ from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.monitoring.body_health import check_body_health
 from nico_selfmodel.estimation.monitoring.health_document import health_document
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
-from nico_selfmodel.estimation.noise.variance_components import LinearResiduals, VarianceSearch
+from nico_selfmodel.estimation.noise.variance_components import (
+    LinearResiduals,
+    Variances,
+    VarianceSearch,
+)
+from nico_selfmodel.estimation.tree.noise import likeliest_noise
 from nico_selfmodel.estimation.tree.noise.finer_noise import noise_ties
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_noise import noise_named, sensor_noise_named
@@ -226,3 +233,19 @@ def test_the_same_poses_about_another_axis_of_the_camera_tell_the_same():
 
 def _flanges(data):
     return data.X_flange[:, 0]
+
+
+@pytest.mark.parametrize(
+    ("promised", "gain", "told"), [(3.9, 100.0, False), (4.1, 7.9, False), (4.1, 8.1, True)]
+)
+def test_depth_has_noise_of_its_own_where_a_likelihood_of_eight_says_so(
+    monkeypatch, promised, gain, told
+):
+    seen = TreeObservations.of(before_a_camera(0, 12)[1])
+    evidence: Any = SimpleNamespace(data=seen)
+    found = Variances(np.array([1.0, 1.0, 2.0, 2.0]), np.ones(6), 0.0)
+    finer = Variances(np.array([1.0, 5.0, 2.0, 1.0]), np.ones(6), gain)
+    search = SimpleNamespace(promised=promised, run=lambda: finer)
+    monkeypatch.setattr(likeliest_noise._GroupedSearch, "of", lambda *_: search)
+    kept = likeliest_noise._along_sight(evidence, found, frozenset(), np.zeros(6, dtype=int))
+    assert (kept is finer) is told

@@ -11,9 +11,7 @@ from nico_selfmodel.estimation.noise.alike_errors import AlikeErrors, alike_basi
 from nico_selfmodel.estimation.noise.pose_groups import PoseGroups
 from nico_selfmodel.estimation.tree.noise.likeliest_noise import DECISIVE, likeliest_variances
 from nico_selfmodel.estimation.tree.noise.noise_evidence import NoiseEvidence, asked_for, of_turns
-from nico_selfmodel.estimation.tree.tree_observations import (
-    TreeObservations,
-)
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
