@@ -22,6 +22,7 @@ from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.sessions.looks.finding import Finding, told_once
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 
 LEFT, RIGHT = (camera.at(np.eye(4)) for camera in NICO_CAMERAS.cameras)
@@ -180,3 +181,22 @@ def test_a_spot_and_its_reflection_are_one_which_is_as_sure_as_the_surer(sure):
     other = Spot(NOT_ON_ME, None, 99.0, directly=True)
     told = [(apart, True), (image, False), (other, True)]
     assert seen_once(told) == told
+
+
+def found_at(p_FM, sigma, link="arm"):
+    spot = Spot(ON_ME, None, 0.0)
+    return Finding(ON_ME, link, np.array(p_FM), sigma**2 * np.diag([1.0, 1.0, 0.0]), (spot,))
+
+
+def test_parts_that_turn_out_to_have_one_middle_are_one_mark_the_better_known_of_them():
+    part, whole = found_at([0.0, 0.0, 0.03], 6e-4), found_at([0.0, 4e-4, 0.03], 3e-4)
+    (told,) = told_once([part, whole])
+    assert told.spots == (*part.spots, *whole.spots)
+    np.testing.assert_array_equal(told.p_FM, whole.p_FM)
+    np.testing.assert_array_equal(told.covariance, whole.covariance)
+
+
+@pytest.mark.parametrize(("p_FM", "link"), [([0.0, 4e-3, 0.03], "arm"), ([0.0, 0.0, 0.03], "hand")])
+def test_marks_that_lie_apart_or_on_two_links_are_two(p_FM, link):
+    one, other = found_at([0.0, 0.0, 0.03], 6e-4), found_at(p_FM, 3e-4, link)
+    assert told_once([one, other]) == [one, other]

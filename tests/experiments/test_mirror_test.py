@@ -56,7 +56,7 @@ from nico_selfmodel.experiments.mirror_test.unmarked import (
 from nico_selfmodel.experiments.mirror_test.unmarked_report import unmarked_document
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
 from nico_selfmodel.sessions.looks.expecting import MirrorLook
-from nico_selfmodel.sessions.looks.mark_finder import Finding
+from nico_selfmodel.sessions.looks.finding import Finding
 from nico_selfmodel.sessions.mirrors.knowing import MARKED, Refusal
 from nico_selfmodel.sessions.turning import TurnedLook
 from nico_selfmodel.systems.rendering.mark_on_body import Mark

@@ -25,7 +25,7 @@ from nico_selfmodel.experiments.mirror_test.touches_report import (
     touches_table,
 )
 from nico_selfmodel.plant.touching.touch_planner import OutOfReach, Touch, TouchPlanner
-from nico_selfmodel.sessions.looks.mark_finder import Finding
+from nico_selfmodel.sessions.looks.finding import Finding
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.looking import FINGER, touching_arm
 from nico_selfmodel.systems.rendering.mark_on_body import Mark

@@ -20,8 +20,9 @@ from nico_selfmodel.experiments.mirror_test.painting import (
     Painter,
 )
 from nico_selfmodel.sessions.looks.expecting import MirrorLook
+from nico_selfmodel.sessions.looks.finding import Finding
 from nico_selfmodel.sessions.looks.look_poses import CLEARANCE
-from nico_selfmodel.sessions.looks.mark_finder import Finding, MarkFinder
+from nico_selfmodel.sessions.looks.mark_finder import MarkFinder
 from nico_selfmodel.sessions.looks.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.mirrors.acquaintance import Acquainted, rendered
 from nico_selfmodel.sessions.mirrors.knowing import TURNED, Knowing

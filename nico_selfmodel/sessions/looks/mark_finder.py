@@ -1,7 +1,7 @@
 """Finds marks on oneself: what two looks into mirrors both put to one place of one link."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ from nico_selfmodel.geometry.solids.solid import Solid
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.sessions.looks.expecting import MirrorLook, Unknown
+from nico_selfmodel.sessions.looks.finding import Finding, on_me, told_once
 from nico_selfmodel.sessions.looks.known_body import KnownBody
 from nico_selfmodel.sessions.looks.mirror_looks import PAINT
 from nico_selfmodel.sessions.looks.surface_pixels import surface_pixels
@@ -65,22 +66,6 @@ Told = list[tuple[Spot, bool]]
 """Spots of a look, and whether one of their places surprises by itself."""
 
 
-@dataclass(frozen=True, eq=False)
-class Finding:
-    """One mark."""
-
-    kind: str
-    """`ON_ME`, `ON_GLASS` or `NOT_ON_ME`."""
-    link: str | None
-    """Link that it is on, if on me."""
-    p_FM: NDArray | None
-    """Where, in that link's frame [m]. Shape (3,)."""
-    covariance: NDArray | None
-    """Of that. Shape (3, 3)."""
-    spots: tuple[Spot, ...]
-    """What it was seen as, look by look."""
-
-
 class MarkFinder:
     """Tells from two looks, in mirrors that stand differently, what marks there are and where.
 
@@ -88,9 +73,10 @@ class MarkFinder:
     (`estimation.mirrors.mark_place`). A mark is on me where spots of both looks agree in the frame
     of one link: a spot on the glass moves with the glass, a shadow with the light; or where one
     look has a spot, and the other does not tell against it (`_unrefuted`). What one look shows
-    directly and in the mirror is one spot (`seen_once`). One of the four
-    places must be so surprising that a picture of what was expected has it once in a hundred times,
-    or all of them together must be (`surprising_together`).
+    directly and in the mirror is one spot (`seen_once`), and discs that have one middle are one
+    mark (`told_once`). One of the four places must be so surprising that a picture of what was
+    expected has it once in a hundred times, or all of them together must be
+    (`surprising_together`).
     """
 
     def __init__(self, image: BodyImage, known: KnownBody, unknown: Mapping[str, Unknown]) -> None:
@@ -135,12 +121,14 @@ class MarkFinder:
         others = ((views[2:], [look.surprise for look in looks[1]]), (views[:2], seen))
         for spots, (other, judged) in zip((first, second), others, strict=True):
             found += [
-                _on_me(p, (spot,))
+                on_me(p, (spot,))
                 for spot, strong in spots
                 if (p := spot.place) is not None and strong and id(spot) not in known
                 and self._unrefuted(p, other, judged)
             ]  # fmt: skip
-        found = [self._middled(one, views, [*looks[0], *looks[1]], rest) for one in found]
+        found = told_once(
+            [self._middled(one, views, [*looks[0], *looks[1]], rest) for one in found]
+        )
         for kind in (ON_GLASS, NOT_ON_ME):
             found += [
                 Finding(kind, None, None, None, (spot,))
@@ -189,7 +177,7 @@ class MarkFinder:
             assert b.place is not None
             if id(a) in certain or id(b) in certain:
                 better = min(a.place, b.place, key=lambda place: np.trace(place.own))
-                found.append(_on_me(better, (a, b)))
+                found.append(on_me(better, (a, b)))
         return found
 
     def _middled(
@@ -368,7 +356,3 @@ def _of(spots: Told, kind: str) -> list[Spot]:
 
 def _together_bound(places: int, freedom: int) -> float:
     return threshold_of(places, FALSE_ALARM, freedom)
-
-
-def _on_me(place: LinkPlace, spots: tuple[Spot, ...]) -> Finding:
-    return Finding(ON_ME, place.link, place.p_FM, place.own + place.common, spots)
