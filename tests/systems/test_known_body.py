@@ -9,6 +9,7 @@ from nico_selfmodel.geometry.rotation import rotation_about, rotation_vector_of
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
+from nico_selfmodel.sessions.looks import known_body
 from nico_selfmodel.sessions.looks.known_body import STANDING, Shot, know_body
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
@@ -147,3 +148,37 @@ def test_the_light_is_told_by_the_shades_of_the_body_in_the_mirror(image):
     for link, X_WF in before.items():
         turned = rotation_vector_of(image.poses(readings())[link][:3, :3] @ X_WF[:3, :3].T)
         assert np.degrees(np.linalg.norm(turned)) < 0.3
+
+
+@pytest.mark.slow
+def test_the_search_ends_where_it_would_stay(image, monkeypatch):
+    rng, described = np.random.default_rng(0), image.paints
+    real = np.clip(described * np.exp(0.1 * rng.standard_normal(described.shape)), 0.01, 1.0)
+    turn, model = np.radians([1.5, -2.5, 2.0]), nico().ground_truth.model()
+    image.paint(real, np.zeros(len(real)))
+    image.turn_light(turn)
+    pictures = []
+    for side in range(2):
+        seen = 0.93 * bgr_of_rgba(image.expect(readings(), TRUE, side).color)
+        seen = np.clip(np.round(seen + rng.normal(0.0, 2.0, seen.shape)), 0, 255)
+        pictures.append(seen.astype(np.uint8))
+    guess = Mirror.from_values(TRUE.values + OFF, np.diag(np.square([1e-3, 1e-3, 3e-4])))
+    model = nico().ground_truth.model(mirrors={"mirror": guess})
+    shot, steps = Shot("mirror", readings(), (pictures[0], pictures[1])), []
+
+    def learned():
+        image.paint(described, np.zeros(len(real)))
+        image.turn_light(np.zeros(3))
+        image.hold({joint.name: joint.angle for joint in fresh}, np.eye(4))
+        return know_body(image, model, [shot], lambda step, of: steps.append((step, of)))
+
+    fresh = image.standing(STANDING)
+    known = learned()
+    taken = len(steps)
+    assert steps[-1] == (known_body._STEPS,) * 2
+    assert taken < known_body._STEPS
+    monkeypatch.setattr(known_body, "_ARRIVED", 0.0)
+    off = (learned().values - known.values) / np.sqrt(np.diag(known.covariance))
+    assert len(steps) == taken + known_body._STEPS
+    assert np.abs(off[-6:]).max() < 0.3  # the whole body
+    assert np.abs(off).max() < 1.0

@@ -98,6 +98,11 @@ class Alignment:
         object.__setattr__(self, "change", read_only(self.change))
         object.__setattr__(self, "covariance", read_only(self.covariance))
 
+    @property
+    def sigmas(self) -> float:
+        """Size of the change, in standard deviations of what is known then."""
+        return float(np.sqrt(self.change @ np.linalg.solve(self.covariance, self.change)))
+
 
 def alignment_step(
     views: Sequence[AlignedView],
