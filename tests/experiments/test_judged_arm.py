@@ -13,7 +13,7 @@ from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.plant.link_surfaces import LinkSurface
 from nico_selfmodel.sessions.looks.expecting import Expecting, Unknown
 from nico_selfmodel.sessions.looks.least_unknown import MOVING, POINTS, Told, least_unknown
-from nico_selfmodel.sessions.looks.mark_finder import LINK_SIGMA, MarkFinder, place_sigma_of
+from nico_selfmodel.sessions.looks.mark_finder import LINK_SIGMA, MarkFinder
 from nico_selfmodel.sessions.looks.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.looks.seen_arm import SeenArm
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
@@ -200,16 +200,21 @@ def test_a_link_that_moves_is_known_no_better_than_thin_things_fall_between_pixe
 @pytest.mark.parametrize(("beside", "own"), [(0.0, True), (2.0, True), (9.0, True), (15.0, False)])
 def test_a_spot_whose_middle_lies_beside_the_arm_is_on_it(beside, own):
     """Paint on an arm before the glass is of the arm, at its outline too, and not on another."""
-    finder, labels = MarkFinder(IMAGE, None, {}), picture().labels
+    finder, labels = MarkFinder(IMAGE, None), picture().labels
     at_edge, far = (Blob(139.0 + u, 30.0, 80, 90.0, reach=5.0) for u in (beside, 35.0))
     pair = SimpleNamespace(labels=labels), SimpleNamespace(labels=labels)
     assert finder._on_arm(pair, at_edge, far) is own
     assert finder._on_arm(pair, far, at_edge) is own
 
 
-def test_a_link_but_the_one_that_carries_the_cameras_may_stand_elsewhere_than_known():
-    unknown = Unknown({"head": 5e-4, "chest": 5e-4}, likely={"head": 3e-4, "chest": 3e-4})
-    own = unknown.place_sigma("head")
-    assert 0.0 < own < 3e-4
-    assert place_sigma_of("head", unknown) == pytest.approx(own)
-    assert place_sigma_of("chest", unknown) == pytest.approx(np.hypot(own, LINK_SIGMA))
+@pytest.mark.parametrize("moved", [True, False])
+def test_places_of_the_arm_are_known_less_than_those_that_its_covariance_tells(moved):
+    image = SimpleNamespace(
+        moving=frozenset({ARM, HAND}), links=LINKS, surfaces={},
+        poses=lambda readings: dict.fromkeys(LINKS.values(), np.eye(4)),
+    )  # fmt: skip
+    known = SimpleNamespace(mirrors=("m",), covariance=np.diag([1e-6] * 9), motions=lambda _: ())
+    look = SimpleNamespace(readings=np.zeros(1), arm=seen() if moved else None)
+    body = MarkFinder(image, known)._body("m", look)
+    arm = {"arm": LINK_SIGMA, "hand": LINK_SIGMA} if moved else {}  # else it is nowhere
+    assert dict(body.place_sigma) == {"chest": 0.0, **arm}

@@ -4,15 +4,18 @@ The hand in a mirror tells its plane by some points; head and chest tell it by a
 and how the head stands on the neck as well. A picture I differs from the expectation E by a gain g
 and by displacements of what is seen (Lucas and Kanade 1981, of a whole body at once):
 
-    I - g E = - g grad E . (du/dm dm + du/dq dq + du/dc dc) + g dE/dl dl + dg E + noise
+    I - g E = - g grad E . (du/dm dm + du/dq dq + du/dc dc) + g dE/dl dl + g E (dg + r) + noise
 
 with m the mirror's values, q motions of the body, of joints that stand still and of the whole, l
-how the room's light is turned about the robot, where that is asked for, for shades that lie
-elsewhere look like a body that is turned, and c what the cameras may be wrong by, where that is
-asked for: it looks like a mirror and a body that stand elsewhere, in all mirrors alike. It is
-solved by weighted least squares with what was known before; whoever calls renders E anew and
-repeats it. Where one part of a body hides another the edge between them moves with the nearer one,
-on both of its sides (`whose_edge`).
+how the room's light is turned about the robot and r what the colours of paints are off by, where
+these are asked for, and c what the cameras may be wrong by, where that is asked for: it looks like
+a mirror and a body that stand elsewhere, in all mirrors alike. Shades that lie elsewhere look like
+a body that is turned, and so does a paint that is darker than its neighbour: taken for known, light
+and colours would hold the body where it is. A part that turns about an axis turns below the light,
+which stands still: its shades move with it, and back as if the light were turned the other way, by
+- g dE/dl axis. It is solved by weighted least squares with what was known before; whoever calls
+renders E anew and repeats it. Where one part of a body hides another the edge between them moves
+with the nearer one, on both of its sides (`whose_edge`).
 """
 
 from collections.abc import Sequence
@@ -112,6 +115,7 @@ def alignment_step(
     before: tuple[NDArray, NDArray],
     area: float,
     cameras: Sequence[str] = (),
+    colors: tuple[NDArray, float] | None = None,
 ) -> Alignment:
     """Return how mirrors and body must change for the body to look as it does.
 
@@ -123,6 +127,8 @@ def alignment_step(
             its covariance.
         area: Pixels that err alike: smoothed ones, and of one surface.
         cameras: Parameters of the rig that may be wrong, of its `names`; c of them.
+        colors: How far red, green and blue of each paint are from what was known before, as shares,
+            shape (K, 3), and their sigma; None where it is not asked what colours there are.
 
     Returns:
         The change, and the covariance of what it leads to.
@@ -131,28 +137,69 @@ def alignment_step(
         EstimationError: If the pictures tell hardly any place.
     """
     off, prior = before
-    information = inverse_of(prior)
-    gradient = -information @ off
+    n, paints = len(off), 0 if colors is None else colors[0].size
+    known = np.zeros((n + paints,) * 2)
+    known[:n, :n] = inverse_of(prior)
+    if colors is not None:
+        known[range(n, n + paints), range(n, n + paints)] = colors[1] ** -2
+        off = np.append(off, colors[0])
+    information, gradient = known, -known @ off
     levels = 0
     for view in views:
-        slopes, expected, errors = _equations(view, rig, mirrors, motions, cameras)
-        scale = max(1.4826 * float(np.median(np.abs(errors))), 0.3) if len(errors) else 1.0
-        share = np.minimum(1.0, _FAR_OFF * scale / np.maximum(np.abs(errors), 1e-9))
-        weight = share / (scale**2 * 3.0 * area)
-        # dg is eliminated: it is of this picture alone.
-        by_gain = slopes.T @ (weight * expected)
-        own = float(np.sum(weight * expected**2)) + _GAIN_SIGMA**-2
-        information += slopes.T @ (weight[:, None] * slopes) - np.outer(by_gain, by_gain) / own
-        gradient += slopes.T @ (weight * errors)
-        gradient -= by_gain * float(np.sum(weight * expected * errors)) / own
-        levels += len(errors)
+        rows = _equations(view, rig, mirrors, motions, cameras)
+        own, pull = _normal_equations(rows, area, paints)
+        information, gradient = information + own, gradient + pull
+        levels += len(rows.errors)
     if levels < _FEWEST:
         raise EstimationError(
             f"only {levels} grey levels of the body in the mirror tell where it is, at least "
             f"{_FEWEST} are needed: is the body in view?"
         )
     covariance = inverse_of(information)
-    return Alignment(covariance @ gradient, covariance)
+    return Alignment((covariance @ gradient)[:n], covariance[:n, :n])
+
+
+@dataclass(frozen=True, eq=False)
+class _Levels:
+    """Grey levels that tell something, of one picture."""
+
+    slopes: NDArray
+    """By what is estimated. Shape (L, n)."""
+    expected: NDArray
+    """With the picture's gain. Shape (L,)."""
+    errors: NDArray
+    """What was seen beyond that. Shape (L,)."""
+    cells: NDArray
+    """Which colour of which paint each shows, -1 where that is not known. Shape (L,)."""
+
+
+def _normal_equations(rows: _Levels, area: float, paints: int) -> tuple[NDArray, NDArray]:
+    """Return J' W J and J' W r of one picture by what is estimated and the colours of paints.
+
+    Its gain, which is of this picture alone, is eliminated.
+    """
+    errors, expected = rows.errors, rows.expected
+    scale = max(1.4826 * float(np.median(np.abs(errors))), 0.3) if len(errors) else 1.0
+    share = np.minimum(1.0, _FAR_OFF * scale / np.maximum(np.abs(errors), 1e-9))
+    weight = share / (scale**2 * 3.0 * area)
+    n = rows.slopes.shape[1]
+    H, pull, by_gain = np.zeros((n + paints,) * 2), np.zeros(n + paints), np.zeros(n + paints)
+    H[:n, :n] = rows.slopes.T @ (weight[:, None] * rows.slopes)
+    pull[:n] = rows.slopes.T @ (weight * errors)
+    by_gain[:n] = rows.slopes.T @ (weight * expected)
+    if paints:
+        shown, cells = weight * expected * (rows.cells >= 0), np.maximum(rows.cells, 0)
+
+        def each(values: NDArray) -> NDArray:
+            return np.bincount(cells, shown * values, paints)
+
+        H[:n, n:] = [each(column) for column in rows.slopes.T]
+        H[n:, :n] = H[:n, n:].T
+        by_gain[n:], pull[n:] = each(expected), each(errors)
+        H[range(n, n + paints), range(n, n + paints)] = by_gain[n:]
+    own = float(np.sum(weight * expected**2)) + _GAIN_SIGMA**-2
+    H -= np.outer(by_gain, by_gain) / own
+    return H, pull - by_gain * float(np.sum(weight * expected * errors)) / own
 
 
 def _equations(
@@ -161,8 +208,8 @@ def _equations(
     mirrors: Sequence[Mirror],
     motions: Sequence[BodyMotion],
     cameras: Sequence[str],
-) -> tuple[NDArray, NDArray, NDArray]:
-    """Return derivatives of grey levels by what is estimated and gain, and what they are off by."""
+) -> _Levels:
+    """Return derivatives of grey levels by what is estimated, and what they are off by."""
     down, right = np.gradient(view.expected, axis=(0, 1))
     steep = view.used & (np.hypot(right, down).max(axis=2) > _LEAST_SLOPE)
     rows, columns = np.nonzero(steep)
@@ -170,7 +217,8 @@ def _equations(
     lit = 0 if view.by_light is None else 3
     size = moved + lit + len(cameras)
     if not len(rows):
-        return np.zeros((0, size)), np.zeros(0), np.zeros(0)
+        nothing = np.zeros(0)
+        return _Levels(np.zeros((0, size)), nothing, nothing, nothing.astype(int))
     used = view.seen[view.used], view.expected[view.used]
     gain = float(np.median(used[0].sum(axis=1) / np.maximum(used[1].sum(axis=1), 1.0)))
     by_value = _pixel_slopes(view, rig, mirrors[view.mirror], motions, cameras, rows, columns)
@@ -182,10 +230,25 @@ def _equations(
     # Where a thing moves to the right, a grey level becomes that of its left: - grad E . du.
     slopes = -gain * slope @ own
     if view.by_light is not None:
-        slopes[:, :, moved : moved + lit] = gain * view.by_light[rows, columns]
-    expected = view.expected[rows, columns]
-    errors = view.seen[rows, columns] - gain * expected
-    return slopes.reshape(-1, size), expected.ravel(), errors.ravel()
+        by_light = gain * view.by_light[rows, columns]
+        slopes[:, :, moved : moved + lit] = by_light
+        for k, (motion, turned) in enumerate(zip(motions, view.moved, strict=True)):
+            if motion.p_WJ is not None:
+                shades = (by_light @ motion.direction) * turned[rows, columns][:, None]
+                slopes[:, :, 3 * len(mirrors) + k] -= shades
+    expected = gain * view.expected[rows, columns]
+    errors = view.seen[rows, columns] - expected
+    return _Levels(
+        slopes.reshape(-1, size), expected.ravel(), errors.ravel(), _cells(view, rows, columns)
+    )
+
+
+def _cells(view: AlignedView, rows: NDArray, columns: NDArray) -> NDArray:
+    """Return 3 times the paint of each grey level, and its colour, red first. Shape (3 N,)."""
+    if view.paints is None:
+        return np.full(3 * len(rows), -1)
+    paint = view.paints[rows, columns].astype(int)[:, None]
+    return np.where(paint < 0, -1, 3 * paint + np.array([2, 1, 0])).ravel()
 
 
 def _pixel_slopes(

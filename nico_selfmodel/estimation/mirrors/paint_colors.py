@@ -65,6 +65,11 @@ class PaintColors:
         """What each paint is not known by, as a share: root mean square of its colours. (K,)."""
         return np.sqrt(np.trace(self.covariance, axis1=1, axis2=2) / 3.0)
 
+    @property
+    def off(self) -> NDArray:
+        """How far colours are from those of the description, as shares. Shape (K, 3)."""
+        return self.colors / self.described - 1.0
+
     def seen_in(self, views: Sequence[AlignedView], area: float) -> "PaintColors":
         """Return the colours that pictures tell, which were expected with these.
 

@@ -16,13 +16,14 @@ about one side, which does not tell h: it is somewhere between nothing and the m
 be thick, taken as half of that, and not known by as much. What an edge hides, what lies beyond an
 outline or falls away from the disc tells nothing: a disc that is seen in part is known as well as
 that part tells. In one picture alone the middle of what is seen would be taken for that of the
-disc. Where the surface turns away within the disc, as about a bead, x is not known by 2 r mean
+disc. Where the surface turns away within the disc, as about a bead, x is not known by r mean
 (1 - cos) besides, of the angle between the normals at x and around the disc. Beyond an edge there
 is nothing that could bend: who paints past it paints a part of a disc.
 
 Where nothing tells of a disc, as beside a seam or where a few pixels show, something of it is seen
-at the given place. That lies anywhere in it, r / 2 each way, and is half of it as a rule: of a part
-as large as a disc of radius s, r = sqrt(2) s, so that x is not known by s / sqrt(2).
+at the given place. That is half of it as a rule: of a part as large as a disc of radius s, r =
+sqrt(2) s, whose middle is off by 4 r / (3 pi) one way, nobody knows which, so that x is not known
+by 4 s / (3 pi) each way.
 """
 
 from collections.abc import Sequence
@@ -69,11 +70,15 @@ _EVEN = 0.005
 """What holds its slope where hardly anything tells it [px^2]."""
 _ALIKE = 4.0
 """So far apart what is left of pixels hangs together no more [px]."""
-_AROUND, _RING = 2.0, 16
+_AROUND, _RING = 1.0, 16
 """What a middle is not known by where paint bends about a surface, in radii, once that turns away
-by a right angle all around; set on the nose of robot 1913. And places that are asked around it."""
+by a right angle all around; set on nine places of robots 1980 to 1983. And places that are asked
+around it."""
 _FEWEST = 9.0
 """Pixels of paint that tell of a disc."""
+_HALF = 4.0 / (3.0 * np.pi)
+"""What the middle of a disc is not known by each way of which half is seen, as large as a disc of
+radius 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +120,7 @@ def painted_disc(
 
     Returns:
         Place [m], shape (3,), and covariance by what the pictures leave open, shape (3, 3). Where
-        they do not tell of a disc, the given place, known to 0.7 times the radius of what
+        they do not tell of a disc, the given place, known to 0.42 times the radius of what
         surprises there.
     """
     x = np.asarray(p_FM, dtype=float)
@@ -124,7 +129,7 @@ def painted_disc(
     height = 0.5 * thickest
     fit = _fitted(pictures, solids, x, first, height)
     if fit is None:
-        return x, 0.5 * first**2 * np.eye(3)
+        return x, (_HALF * first) ** 2 * np.eye(3)
     x, E, radius, charts = fit
     each, _, spread = _equations(charts, radius)
     P = np.linalg.inv(sum(each) + _before(charts))[:2]

@@ -95,7 +95,7 @@ class _Session:
             station, image, known.robot.model, mirrors[MIRROR], self._views[MIRROR].X_BM
         )
         known.body.pose(image)
-        self._finder = MarkFinder(image, known.body, known.unknown)
+        self._finder = MarkFinder(image, known.body)
         noise = (known.before.nico.quality or ImageQuality()).noise
         self._painter = Painter(station, self._looks.body.context, self._views[MIRROR].X_BM, noise)
 

@@ -44,10 +44,6 @@ TURNED = np.radians(1.0)
 place may be lighter or darker, in all colours alike [rad]."""
 _LOOSEST = 1.0
 """What of the arm is known by less tells nothing [px]."""
-_WHOLE = 0.2
-"""Of what a link's places are likeliest not known by, what is the place of the whole link: the rest
-is another in each edge. Once body and light are known at once it is off by 0.05 mm (robots 1833 and
-1846) of 0.25 (1846)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +54,6 @@ class Unknown:
     """Link -> of its places, each coordinate [m]."""
     other: float = POINT_SIGMA
     """The same of all other links [m]."""
-    likely: Mapping[str, float] = field(default_factory=dict)
-    """Link -> what of its places, each coordinate, is likeliest not known [m]."""
     color: float = APPEARANCE_SIGMA
     """Of colours and light, as a share of the grey level."""
     colors: Mapping[str, float] = field(default_factory=dict)
@@ -74,12 +68,8 @@ class Unknown:
 
     def __post_init__(self) -> None:
         """Make the mappings read-only."""
-        for name in ("points", "likely", "colors"):
+        for name in ("points", "colors"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
-
-    def place_sigma(self, link: str) -> float:
-        """Return what the place of a whole link is not known by, each coordinate [m]."""
-        return _WHOLE * self.likely.get(link, self.points.get(link, self.other))
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from nico_selfmodel.estimation.mirrors.body_alignment import (
     BodyMotion,
     alignment_step,
 )
-from nico_selfmodel.estimation.mirrors.paint_colors import PaintColors
+from nico_selfmodel.estimation.mirrors.paint_colors import DESCRIBED_SIGMA, PaintColors
 from nico_selfmodel.estimation.mirrors.reflection_sigma import reflection_sigma
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
@@ -41,7 +41,7 @@ _STEPS, _UNLIT = 24, 1
 """Of the search at most, and those before it is asked how the light stands."""
 _MIXED = 4
 """Earlier steps that tell how far one falls short."""
-_ARRIVED = 0.25
+_ARRIVED = 0.2
 """The step after which the search ends, in standard deviations of all that is known."""
 _TURN, _TURN_SIGMA = 0.05, np.radians(5.0)
 """By which the light is turned to see what that changes, and how far a robot may be turned in its
@@ -187,7 +187,8 @@ def know_body(
         before = known.values - start.values, start.covariance
         if step >= _UNLIT:
             before = np.append(before[0], known.light), _with_light(before[1])
-        found = alignment_step(views, model.rig, mirrors, motions, before, AREA)
+        colors = known.paints.off, DESCRIBED_SIGMA
+        found = alignment_step(views, model.rig, mirrors, motions, before, AREA, colors=colors)
         tried = [*tried, (before[0], found.change)][-_MIXED - 1 :]
         found = replace(found, change=mixed_step(tried, found.covariance))
         arrived = step > _UNLIT and found.sigmas < _ARRIVED
@@ -248,7 +249,8 @@ def _with_cameras(
     off, own = before
     cameras, prior = with_cameras(known.model, known.mirrors, own)
     loose = np.append(off, np.zeros(len(cameras))), prior
-    found = alignment_step(views, known.model.rig, mirrors, motions, loose, AREA, cameras)
+    colors = known.paints.off, DESCRIBED_SIGMA
+    found = alignment_step(views, known.model.rig, mirrors, motions, loose, AREA, cameras, colors)
     n = len(own)
     return known.changed(Alignment(found.change[:n], found.covariance[:n, :n]))
 

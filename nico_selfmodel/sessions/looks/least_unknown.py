@@ -59,7 +59,6 @@ def least_unknown(told: Callable[[float], Told]) -> Unknown:
     """
     points: dict[str, float] = {}
     colors: dict[str, float] = {}
-    likeliest: dict[str, float] = {}
     strange: list[NDArray] = []
     untold: frozenset[str] = frozenset()
     for color in COLORS:
@@ -69,7 +68,6 @@ def least_unknown(told: Callable[[float], Told]) -> Unknown:
         for k in (found.links[name] for name in untold):
             calm[(found.alarms[:, k] > 0) | (np.array(POINTS) < MOVING), k] = -np.inf
         for name, k in found.links.items():
-            likeliest.setdefault(name, POINTS[int(np.argmax(found.likely[:, k]))])
             if name not in points and np.isfinite(calm[:, k]).any():
                 best = int(np.argmax(calm[:, k]))
                 points[name], colors[name] = POINTS[best], color
@@ -80,7 +78,7 @@ def least_unknown(told: Callable[[float], Told]) -> Unknown:
             break
     less = {name: color for name, color in colors.items() if color > COLOR_SIGMA}
     about = None if not strange else _about(np.any(strange, axis=0))
-    return Unknown(points, POINT_SIGMA, likeliest, COLOR_SIGMA, less, about, untold)
+    return Unknown(points, POINT_SIGMA, COLOR_SIGMA, less, about, untold)
 
 
 def _about(strange: NDArray) -> tuple[NDArray, NDArray]:

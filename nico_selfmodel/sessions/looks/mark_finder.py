@@ -1,6 +1,6 @@
 """Finds marks on oneself: what two looks into mirrors both put to one place of one link."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,7 +28,7 @@ from nico_selfmodel.estimation.mirrors.surface_evidence import (
 from nico_selfmodel.geometry.solids.solid import Solid
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
-from nico_selfmodel.sessions.looks.expecting import MirrorLook, Unknown
+from nico_selfmodel.sessions.looks.expecting import MirrorLook
 from nico_selfmodel.sessions.looks.finding import Finding, on_me, told_once
 from nico_selfmodel.sessions.looks.known_body import KnownBody
 from nico_selfmodel.sessions.looks.mirror_looks import PAINT
@@ -54,12 +54,9 @@ DISC_SIGMA = 0.03
 """What the disc of paint in each picture is not known by by itself, besides its fit; set on robot
 1846 [px]."""
 LINK_SIGMA = 1e-4
-"""What the place of a mark is not known by besides, each coordinate: where the learned body has the
-frame of the link that it is on, alike in all looks, another for each robot; of the arm set on 33
-places of robots 1934 to 1951, of the chest on robots 1929 to 1951 and 1952 to 1967 [m]."""
-CAMERAS_ON = "head"
-"""The link that carries the cameras: the learned body has nothing between. Its 39 places of robots
-1963 to 1972, which set this, have a chi-square / 2 of 0.63 without any such sigma."""
+"""What the place of a mark on the arm is not known by besides, each coordinate: where the learned
+arm has the frame of the link that it is on, alike in all looks, another for each robot; set on 33
+places of robots 1934 to 1951 [m]."""
 
 Pair = tuple[MirrorLook, MirrorLook]
 Told = list[tuple[Spot, bool]]
@@ -79,15 +76,14 @@ class MarkFinder:
     (`surprising_together`).
     """
 
-    def __init__(self, image: BodyImage, known: KnownBody, unknown: Mapping[str, Unknown]) -> None:
+    def __init__(self, image: BodyImage, known: KnownBody) -> None:
         """Take what a robot knows of its body.
 
         Args:
             image: What it expects of itself, standing as it is known to.
             known: How the body stands, and the mirrors.
-            unknown: Mirror -> what of the body is not known in it.
         """
-        self._image, self._known, self._unknown = image, known, unknown
+        self._image, self._known = image, known
 
     def find(
         self,
@@ -332,8 +328,8 @@ class MarkFinder:
             own = image.surfaces[link].solids if link in image.surfaces else ()
             solids += [Solid(one.kind, one.size, X_WF @ one.X_FS) for one in own]
             links += [link] * len(own)
-        unknown = self._unknown[name]
-        place_sigma = {link: place_sigma_of(link, unknown) for link in poses}
+        # What stands is known as well as the pictures tell, which its covariance says.
+        place_sigma = dict.fromkeys(poses, 0.0)
         if arm is not None:
             place_sigma |= dict.fromkeys((image.links[k] for k in image.moving), LINK_SIGMA)
         m = 3 * known.mirrors.index(name)
@@ -342,12 +338,6 @@ class MarkFinder:
         loose = ((), np.zeros((0, 0))) if arm is None else (arm.motions, arm.covariance)
         ways = known.motions(image)
         return PosedBody(solids, links, poses, ways, covariance, place_sigma, *loose)
-
-
-def place_sigma_of(link: str, unknown: Unknown) -> float:
-    """Return what a place on a link is not known by, alike in all looks, each coordinate [m]."""
-    beside = 0.0 if link == CAMERAS_ON else LINK_SIGMA
-    return float(np.hypot(unknown.place_sigma(link), beside))
 
 
 def _of(spots: Told, kind: str) -> list[Spot]:

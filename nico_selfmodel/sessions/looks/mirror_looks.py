@@ -277,7 +277,7 @@ class MirrorLooks:
         for look in looks:
             labels = look.expected.labels
             for k, point in enumerate(POINTS):
-                unknown = Unknown({}, point, {}, color)
+                unknown = Unknown({}, point, color)
                 expected = self._expecting(unknown).expected(look.side, look.expected, look.arm)
                 each = log_likelihood(look.picture, expected)
                 own = labels[np.isfinite(each)]
