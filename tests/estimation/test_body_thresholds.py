@@ -22,7 +22,10 @@ from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.model_verdict import judge_body_errors
 from nico_selfmodel.estimation.results.calibration_result import CAUSE, WARNING, Errors
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
-from nico_selfmodel.estimation.tree.contradictions.contradiction_words import misdescribed_words
+from nico_selfmodel.estimation.tree.contradictions.contradiction_words import (
+    _stood_still,
+    misdescribed_words,
+)
 from nico_selfmodel.estimation.tree.contradictions.held_scores import HeldScore, severity_of
 from nico_selfmodel.estimation.tree.contradictions.ran_away import check_that_it_stayed
 from nico_selfmodel.estimation.tree.contradictions.sensor_noise import fitted_away, sensor_misfits
@@ -463,3 +466,23 @@ def test_an_encoder_stands_in_between_from_eight_samples_in_a_row_where_no_other
     assert words.startswith("the encoder of 'j2' stands at ") is said
     assert not said or f"from sample 5 to {4 + row} while others move" in words
     assert not dead_encoders(replace(data, readings=readings), ["j1"])
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (12, "12 of 30 samples (0 to 11) contradict the rest, in 12 of which the encoder of j2 "),
+        (30, "no body explains any of 30 samples, in 30 of which the encoder of j2 stands at "),
+    ],
+)
+def test_an_encoder_that_stands_is_named_with_how_much_it_spoils(wrong, words):
+    data = one_arm(3, joints=3, poses=30).data
+    readings = data.readings.copy()
+    readings[:wrong, 1] = readings[0, 1]
+    readings[1:wrong:4, 2] = readings[1, 2]  # not alone in a row
+    data = replace(data, readings=readings)
+    outliers = data.observations.pose < wrong
+    solution = SimpleNamespace(slipped=np.zeros((30, 1), bool), outliers=outliers)
+    calibration = SimpleNamespace(data=data, solution=solution)
+    (found,) = _stood_still(calibration, [])
+    assert found.text.startswith(words)

@@ -122,8 +122,12 @@ def _stood_still(calibration: TreeCalibration, others: list[str]) -> list[Findin
     units = [data.joints[i].encoder_unit for i in read]
     readings, sample = data.readings[pose][:, read], data.sample[pose]
     stuck = stuck_encoder(names, units, readings, sample, off)
-    between = f"samples {sample[off].min()} to {sample[off].max()}" if stuck else ""
-    return [Finding(FAILURE, f"{between} contradict the rest, {stuck}")] if stuck else []
+    if not stuck:
+        return []
+    wrong, of = np.unique(sample[off]), np.unique(sample).size
+    which = f"{len(wrong)} of {of} samples ({wrong[0]} to {wrong[-1]}) contradict the rest"
+    what = which if len(wrong) < of else f"no body explains any of {of} samples"
+    return [Finding(FAILURE, f"{what}, {stuck}")]
 
 
 def _outvoted(calibration: TreeCalibration, seen: TreeObservations) -> list[Finding]:
