@@ -43,7 +43,7 @@ from nico_selfmodel.experiments.mirror_test.unmarked_report import (
     unmarked_document,
     unmarked_table,
 )
-from nico_selfmodel.plant.touching.touch_planner import CLEAR, LEAN, NARROW
+from nico_selfmodel.plant.touching.touch_planner import CLEAR, LEAN, NARROW, WIDE
 from nico_selfmodel.sessions.looks.expecting import TURNED
 from nico_selfmodel.sessions.looks.least_unknown import COLOR_SIGMA, MOVING
 from nico_selfmodel.sessions.looks.mark_finder import BODY_SIGMA, LINK_SIGMA, PIXEL_SIGMA
@@ -174,8 +174,8 @@ SET_COLOR = f"{100 * COLOR_SIGMA:g} %: set on robots 0 and 1; more where its loo
 SET_MIDDLE = f"{PIXEL_SIGMA:g} px: set on robots 900 and 950"
 SET_UNLIKE = f"{100 * TRUSTED:g} %: set on robots 1853, 1893, 1894, 1912, 1913 and 1919"
 NEAR_AND_LEAN = (
-    f"{1e3 * CLEAR:.0f} mm, {np.degrees(LEAN):.0f} deg: chosen; {1e3 * NARROW:g} mm where there "
-    "is no other way: set on robots 1853, 1893 and 1894"
+    f"{1e3 * WIDE:.0f}, else {1e3 * CLEAR:.0f} mm, {np.degrees(LEAN):.0f} deg: chosen; "
+    f"{1e3 * NARROW:g} mm where there is no other way: set on robots 1853, 1893 and 1894"
 )
 LINK_APART = f"{1e3 * APART:g} mm: derived from joints' 2 mm, looked at on 1853, 1893 and 1894"
 LOOSE_JOINTS = f"{np.degrees(LOOSE):.1f} deg: given"

@@ -16,6 +16,7 @@ from nico_selfmodel.plant.touching.posed_arm import Finger, PosedArm
 from nico_selfmodel.plant.touching.touch_planner import (
     CLEAR,
     NARROW,
+    WIDE,
     OutOfReach,
     Touch,
     TouchPlanner,
@@ -263,7 +264,7 @@ def run_touches(
                 held=known.body.angles, X_WB=known.body.X_WB, limits=judge.stops,
                 shape=shapes.get(seed), clear=clear,
             )
-            for clear in ((CLEAR, NARROW), (CLEAR,))
+            for clear in ((WIDE, CLEAR, NARROW), (WIDE, CLEAR))
         )  # fmt: skip
         own = [t for t in marks.trials if t.robot == seed and t.painted.kind == MARK]
         touched += _marks(known, own, planner, judge)

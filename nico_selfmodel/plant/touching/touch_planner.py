@@ -22,6 +22,8 @@ APPROACH = 0.030
 """Distance from the place at which the finger begins to come along the normal [m]."""
 LEAN = np.radians(60.0)
 """Largest angle between the finger and the way into the surface [rad]."""
+WIDE = 0.008
+"""Distance of the arm from the body that is looked for first, the finger excepted [m]."""
 CLEAR = 0.005
 """Least distance of the arm from the body in a posture, the finger excepted [m]."""
 NARROW = 0.0035
@@ -116,7 +118,7 @@ class TouchPlanner:
     each posture of the way has, for a = 30, 20, 10 and 0 mm,
 
         p_E(q) = p + (r + a) n,    angle(f(q), -n) <= 60 deg,    lower <= q <= upper,
-        distance(arm but for the finger, body) >= 5 mm, or what else is asked for,
+        distance(arm but for the finger, body) >= 8 mm, 5 mm, or what else is asked for,
 
     and of these, for the last, the q nearest to the middle of the joints' ranges, and then those
     nearest to the posture before. So it touches at p whatever it leans. Several starts are tried,
@@ -135,7 +137,7 @@ class TouchPlanner:
         X_WB: ArrayLike | None = None,
         limits: ArrayLike | None = None,
         shape: BodyShape | None = None,
-        clear: Sequence[float] = (CLEAR,),
+        clear: Sequence[float] = (WIDE, CLEAR),
     ) -> None:
         """Take an arm as it is known; nothing moves.
 
@@ -149,6 +151,7 @@ class TouchPlanner:
                 where the shape of the links makes up for it. Shape (2, n).
             shape: What the robot has learned of the surfaces of its links: the arm keeps off what
                 was seen of them beside what the description has.
+            clear: Distances of the arm from the body that are looked for, the largest first [m].
 
         Raises:
             ModelError: If the model has other joints, the link is no finger of that arm, the shape
@@ -223,16 +226,15 @@ class TouchPlanner:
         """Try all starts until one leads all the way, and then nearer to the body."""
         middle = self._reach.mean(axis=0)
         starts = [*first, middle, *self._nearest(place, rng)]
-        best: _Lacking | None = None
+        found: Touch | _Lacking | None = None
         for clear in self._clear:
             found = self._tried(place, starts, clear)
             if isinstance(found, Touch):
                 return found
-            best = found if best is None else best
             if found.asked < 2:  # how far it stays from the body was not what was lacking
                 break
-        assert best is not None, "there are distances"
-        return OutOfReach(best.what)
+        assert found is not None, "there are distances"
+        return OutOfReach(found.what)
 
     def _tried(self, place: _Place, starts: Sequence[NDArray], clear: float) -> "Touch | _Lacking":
         """Try starts until one leads all the way; else return what the best of them lacked."""

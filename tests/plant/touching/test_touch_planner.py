@@ -14,6 +14,7 @@ from nico_selfmodel.plant.touching.touch_planner import (
     CLEAR,
     LEAN,
     NARROW,
+    WIDE,
     OutOfReach,
     Touch,
     TouchPlanner,
@@ -174,9 +175,15 @@ def test_a_larger_distance_from_the_body_leaves_a_place_out_of_reach(nico, plann
 @pytest.mark.slow
 def test_where_there_is_no_way_at_a_distance_the_next_one_counts(nico, planner):
     arm, model, held = nico
-    known = planned(planner)
+    known = planned(TouchPlanner(arm, model, FINGER, held=held, clear=[CLEAR]))
     found = planned(TouchPlanner(arm, model, FINGER, held=held, clear=[0.08, CLEAR]))
     np.testing.assert_array_equal(found.readings, known.readings)
+    usual, wide = (
+        planned(planner),
+        planned(TouchPlanner(arm, model, FINGER, held=held, clear=[WIDE])),
+    )
+    np.testing.assert_array_equal(usual.readings, wide.readings)
+    assert usual.clearance > WIDE - 1e-4
     near = planned(TouchPlanner(arm, model, FINGER, held=held, clear=[CLEAR, NARROW]))
     np.testing.assert_array_equal(near.readings, known.readings)
 
