@@ -13,7 +13,7 @@ from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.plant.link_surfaces import LinkSurface
 from nico_selfmodel.sessions.looks.expecting import Expecting, Unknown
 from nico_selfmodel.sessions.looks.least_unknown import MOVING, POINTS, Told, least_unknown
-from nico_selfmodel.sessions.looks.mark_finder import BODY_SIGMA, LINK_SIGMA, MarkFinder
+from nico_selfmodel.sessions.looks.mark_finder import LINK_SIGMA, MarkFinder
 from nico_selfmodel.sessions.looks.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.looks.seen_arm import SeenArm
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
@@ -208,7 +208,7 @@ def test_a_spot_whose_middle_lies_beside_the_arm_is_on_it(beside, own):
 
 
 @pytest.mark.parametrize("moved", [True, False])
-def test_links_may_stand_beside_where_pictures_put_them_those_of_the_arm_more(moved):
+def test_links_of_the_arm_may_stand_beside_where_it_was_learned(moved):
     image = SimpleNamespace(
         moving=frozenset({ARM, HAND}), links=LINKS, surfaces={},
         poses=lambda readings: dict.fromkeys(LINKS.values(), np.eye(4)),
@@ -217,4 +217,4 @@ def test_links_may_stand_beside_where_pictures_put_them_those_of_the_arm_more(mo
     look = SimpleNamespace(readings=np.zeros(1), arm=seen() if moved else None)
     body = MarkFinder(image, known)._body("m", look)
     arm = {"arm": LINK_SIGMA, "hand": LINK_SIGMA} if moved else {}  # else it is nowhere
-    assert dict(body.place_sigma) == {"chest": BODY_SIGMA, **arm}
+    assert dict(body.place_sigma) == {"chest": 0.0, **arm}

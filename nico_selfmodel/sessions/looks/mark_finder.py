@@ -53,11 +53,10 @@ PIXEL_SIGMA = 0.08
 DISC_SIGMA = 0.03
 """What the disc of paint in each picture is not known by by itself, besides its fit; set on robot
 1846 [px]."""
-BODY_SIGMA, LINK_SIGMA = 5e-5, 1e-4
-"""What the place of a mark is not known by besides, each coordinate, alike in all looks, another
-for each robot [m]: where its pictures put the body that stands, beside what their noise says (the
-slopes of how a body looks err, too; set on places on heads and chests of robots 1980 to 1983), and
-where the learned arm has a link's frame (set on 33 places of robots 1934 to 1951)."""
+LINK_SIGMA = 1e-4
+"""What the place of a mark on the arm is not known by besides, each coordinate: where the learned
+arm has the frame of the link that it is on, alike in all looks, another for each robot; set on 33
+places of robots 1934 to 1951 [m]."""
 
 Pair = tuple[MirrorLook, MirrorLook]
 Told = list[tuple[Spot, bool]]
@@ -329,7 +328,8 @@ class MarkFinder:
             own = image.surfaces[link].solids if link in image.surfaces else ()
             solids += [Solid(one.kind, one.size, X_WF @ one.X_FS) for one in own]
             links += [link] * len(own)
-        place_sigma = dict.fromkeys(poses, BODY_SIGMA)
+        # What stands is known as well as its pictures tell, which its covariance says.
+        place_sigma = dict.fromkeys(poses, 0.0)
         if arm is not None:
             place_sigma |= dict.fromkeys((image.links[k] for k in image.moving), LINK_SIGMA)
         m = 3 * known.mirrors.index(name)
