@@ -139,6 +139,8 @@ def test_paint_that_bends_about_a_bead_is_known_worse_than_on_a_head():
         covariance = painted_disc(each, [ball], x, 0.03, 0.0)[1]
         sigma.append(float(np.sqrt(np.trace(covariance) / 2.0)))
     assert sigma[0] > 0.8e-3
+    turned = 1.0 - np.sqrt(1.0 - (RADIUS / 0.007) ** 2)
+    assert sigma[0] == pytest.approx(RADIUS * turned, rel=0.1)
     assert sigma[1] < 0.15e-3
 
 
