@@ -6,7 +6,7 @@ residuals r about what is known, the derivative of the log likelihood by log the
 -(V_i w)' P (V_j w) / 2 (average information; Gilmour, Thompson, Cullis 1995).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,8 @@ _UNTOLD, _WELL_TOLD = 1e-12, 1e-8
 """Parts of the largest eigenvalue, parameters taken in their own units, below which a direction is
 told by nothing, and part of a parameter's own information, beside all others, above which all are
 told for sure."""
+_LITTLE = 0.5
+"""Variance of a variance's logarithm that is counted at most: four freedoms tell it."""
 LEAST_OF_ALL = 0.002
 """Part of the residuals about what is known beforehand that noise is at least."""
 
@@ -158,6 +160,23 @@ class VarianceSearch:
         x, held = self._start(sensor, joint)
         _, score, information = self._step(x)
         return 0.5 * float(score @ self._solved(x, held, score, information))
+
+    def expected(self, found: Variances) -> Variances:
+        """Return variances of sensors as they are in the mean, given residuals that tell little.
+
+        A variance that nu freedoms tell is nu / (nu - 2) times the likeliest in the mean (inverse
+        chi-square; Gelman et al. 2013, 3.2), and that of its logarithm is 2 / nu.
+
+        Args:
+            found: The likeliest.
+        """
+        x, held = self._start(found.sensor, found.joint)
+        _, score, information = self._step(x)
+        free = ((x > self.floor) | (score > 0.0)) & ~held
+        spread = np.zeros(len(x))
+        spread[free] = np.diag(np.linalg.pinv(information[np.ix_(free, free)]))
+        sensor, joint = self._sigmas(x - np.log(1.0 - np.minimum(spread, _LITTLE)))
+        return replace(found, sensor=sensor, joint=joint)
 
     def _start(self, sensor: NDArray, joint: NDArray) -> tuple[NDArray, NDArray]:
         """Return logarithms of all variances, and which of them stay."""

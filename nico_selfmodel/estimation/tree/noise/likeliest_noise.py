@@ -24,8 +24,15 @@ _LEAST_SHARE = 0.02
 
 
 def likeliest_noise(evidence: NoiseEvidence, start: TreeNoise) -> TreeNoise:
-    """Return the noise that residuals ask for; the search begins at `start`."""
+    """Return the noise that residuals ask for; the search begins at `start`.
+
+    Where it is finer along lines of sight, sizes are those in the mean (`VarianceSearch.expected`).
+    """
     found = likeliest_variances(evidence, start)
+    if apart := _apart(evidence.data, found.sensor):
+        # Many variances are told by few freedoms each.
+        alike = np.unique(found.joint, return_inverse=True)[1]
+        found = _GroupedSearch.of(evidence, _noise_of(found), apart, alike).expected(found)
     return TreeNoise(found.sensor, found.joint, loud=start.loud)
 
 
@@ -131,6 +138,12 @@ class _GroupedSearch:
         """Return the likeliest, of all noise groups."""
         found = self.search.run(self.sensor, self.joint)
         return replace(found, sensor=found.sensor[self.sensors])
+
+    def expected(self, found: Variances) -> Variances:
+        """Return variances of sensors as they are in the mean: see `VarianceSearch.expected`."""
+        first = np.unique(self.sensors, return_index=True)[1]
+        mean = self.search.expected(replace(found, sensor=found.sensor[first]))
+        return replace(mean, sensor=mean.sensor[self.sensors])
 
 
 def _rms_by_group(r: NDArray, group: NDArray, groups: int) -> NDArray:
