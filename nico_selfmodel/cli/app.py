@@ -5,7 +5,6 @@ import logging
 import re
 import sys
 import warnings
-from collections.abc import Sequence
 from functools import cache
 from typing import Annotated, Any
 
@@ -173,7 +172,7 @@ def _usage(error: Exception) -> int:
     context = getattr(error, "ctx", None)
     path = context.command_path if context else "nico-selfmodel"
     message = _in_plain_words(" ".join(str(format_message()).split()))
-    given = _given(getattr(getattr(error, "param", None), "opts", ()))
+    given = _given(getattr(error, "param", None), context)
     if message.startswith("Invalid value") and given is not None and repr(given) not in message:
         message += f", got {given!r}"
     message += "" if message.endswith((".", "?", "!")) else "."
@@ -191,18 +190,20 @@ def _in_plain_words(message: str) -> str:
     message = re.sub(
         r"Input should be a valid number(, .*as a number)?", "expected a number", message
     )
+    message = re.sub(r"Input should be a valid boolean(, .*)?$", "expected true or false", message)
     message = message.replace("Input should be greater than or equal to", "expected at least")
     return message.replace("Input should be less than or equal to", "expected at most")
 
 
-def _given(options: Sequence[str]) -> str | None:
-    """Return what the command line gives an option, under any of its names; None if nothing."""
+def _given(param: Any, context: Any) -> str | None:
+    """Return what the command line, or a file of options, gives an option; None if nothing."""
     given = None
     for word, following in zip(sys.argv, [*sys.argv[1:], None], strict=True):
         name, equals, value = word.partition("=")
-        if name in options:
+        if name in getattr(param, "opts", ()):
             given = value if equals else following
-    return given
+    in_file = (getattr(context, "default_map", None) or {}).get(getattr(param, "name", None))
+    return given if given is not None or in_file is None else str(in_file)
 
 
 def _one_line(error: Exception) -> str:

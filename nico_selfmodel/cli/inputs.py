@@ -205,7 +205,11 @@ def chosen_arm(chain: Chain) -> "ArmDescription":
             raise ValueError("--hold and --point need --base and --tip")
         return ArmDescription.named(robot, chain.arm)
     if chain.arm is not None:
-        raise ValueError("--arm names a chain of a named robot: leave out --base and --tip")
+        given = chain.base is not None or chain.tip is not None
+        raise ValueError(
+            "--arm names a chain of a named robot: "
+            + ("leave out --base and --tip" if given else "give --base and --tip of a URDF")
+        )
     points = dict(name_and_value(word, "--point") for word in chain.point or [])
     return ArmDescription.from_urdf(robot, chain.base, chain.tip, _held(chain.hold), points or None)
 

@@ -15,6 +15,7 @@ from nico_selfmodel.cli.result_files import judge_and_write
 
 
 def monitor(
+    context: typer.Context,
     model: options.Model,
     dataset: options.Dataset,
     relearn: Annotated[
@@ -35,8 +36,7 @@ def monitor(
 
     if is_body(model):
         _check_relearn(model, dataset, out, relearn=relearn, force=force)
-        if sensor == "points":
-            raise ValueError("--sensor points: a whole body is watched by all that saw it")
+        options.refuse_given(context, ["sensor"], "a body is watched by all that saw it")
         _monitor_body(model, dataset, out, force=force, as_json=as_json)
     from nico_selfmodel.dataset.folder import load_dataset
     from nico_selfmodel.estimation.monitoring.health import check_health

@@ -278,7 +278,9 @@ Session = Annotated[
 ]
 JointNoise = Annotated[
     float | None,
-    typer.Option("--joint-noise-deg", min=0.0, help="Half the width of the joints' noise [deg]."),
+    typer.Option(
+        "--joint-noise-deg", min=0.0, max=90.0, help="Half the width of the joints' noise [deg]."
+    ),
 ]
 RandomPoses = Annotated[
     int, typer.Option("--random", min=0, help="How many random poses to visit.")

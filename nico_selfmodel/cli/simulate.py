@@ -33,6 +33,7 @@ def motion_capture(
         typer.Option(
             "--backlash",
             min=0.0,
+            max=90.0,
             metavar="DEG",
             help="Half width of the backlash that changes of direction cross.",
         ),

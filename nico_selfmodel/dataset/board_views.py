@@ -149,7 +149,8 @@ class BoardViews:
             raise ValueError(f"the share to hold out must lie between 0 and 1, got {fraction}")
         count = max(1, round(fraction * len(self)))
         if count >= len(self):
-            raise DataError(f"{len(self)} views cannot be split: record more boards")
+            what = "record more boards" if len(self) < 2 else "hold less out, or record more boards"
+            raise DataError(f"{fraction:g} of {len(self)} views leaves none to learn from: {what}")
         order = np.random.default_rng(seed).permutation(len(self))
         return self.select(np.sort(order[count:])), self.select(np.sort(order[:count]))
 

@@ -23,6 +23,8 @@ MAX_TURN_RAD = 4.0 * np.pi
 """A joint that turned further was hardly read in radians [rad]."""
 _FEWEST_IN_DEGREES = 2
 """Joints read beyond two turns at once, and samples where they are, that are no slip of a pen."""
+_BEYOND = 0.05
+"""Part of a joint's range by which readings may lie beyond its ends without a word."""
 _MOST_OUTSIDE = 0.1
 """Share of pixels that may lie outside their images without a word."""
 _FEWEST_NOTHINGS, _FEWEST_PLACES = 2, 10
@@ -43,9 +45,12 @@ def check_as_read(dataset: Dataset, place: str) -> None:
         DataError: As `_check_plausible`, or if many rows are copies, or places exactly 0.
 
     Warns:
-        UserWarning: As `_warn_of_units` and `warn_of_outside`.
+        UserWarning: As `_warn_of_units`, `warn_of_stops`, `warn_of_twins`, `warn_of_outside`.
     """
     _check_plausible(dataset, place)
+    ends = [(joint.name, joint.lower, joint.upper) for joint in dataset.joints]
+    warn_of_stops(ends, dataset.encoders, place)
+    warn_of_twins([joint.name for joint in dataset.joints], dataset.encoders, place)
     measured = np.hstack([dataset.p_WH_measured, dataset.pixels])
     seen = np.isfinite(measured).any(axis=1)
     for own in np.split(dataset.pixels, 2, axis=1):
@@ -56,6 +61,57 @@ def check_as_read(dataset: Dataset, place: str) -> None:
         columns = f"{place}: {', '.join(PIXEL_COLUMNS[side])}"
         refuse_nothings(dataset.sample, dataset.pixels[:, side], columns)
     _warn_of_units(dataset, place)
+
+
+def warn_of_stops(
+    ends: Sequence[tuple[str, float | None, float | None]], readings: NDArray, place: str
+) -> None:
+    """Warn of readings beyond the ends that a joint is said to have: either is wrong.
+
+    Args:
+        ends: Name of each joint, and its lower and upper end, None where that is not known.
+        readings: Shape (N, n).
+        place: The file, for the message.
+
+    Warns:
+        UserWarning: If some lie beyond by more than a twentieth of the range.
+    """
+    beyond = []
+    for (name, lower, upper), own in zip(ends, readings.T, strict=True):
+        if lower is None or upper is None or not np.isfinite(own).any():
+            continue
+        least, most, spare = np.nanmin(own), np.nanmax(own), _BEYOND * (upper - lower)
+        if least < lower - spare or most > upper + spare:
+            told = f"{least:.5g} to {most:.5g}, its lower and upper are {lower:.5g} and {upper:.5g}"
+            beyond.append(f"{name} reads {told}")
+    if beyond:
+        warnings.warn(
+            f"{place}: {'; '.join(beyond)}: correct what is wrong, the ends or the readings",
+            stacklevel=4,
+        )
+
+
+def warn_of_twins(names: Sequence[str], readings: NDArray, place: str) -> None:
+    """Warn of joints that moved and read the same throughout: one column is a copy of another.
+
+    Args:
+        names: Of the joints.
+        readings: Shape (N, n).
+        place: The file, for the message.
+
+    Warns:
+        UserWarning: If there are two such joints.
+    """
+    own = readings[np.isfinite(readings).all(axis=1)]
+    moved = np.flatnonzero(np.ptp(own, axis=0) > 0.0) if len(own) >= _FEWEST_PLACES else []
+    for k, joint in enumerate(moved):
+        for other in moved[:k]:
+            if np.array_equal(own[:, joint], own[:, other]):
+                warnings.warn(
+                    f"{place}: joints {names[other]!r} and {names[joint]!r} read the same in all "
+                    f"{len(own)} rows: is one of the columns a copy of the other?",
+                    stacklevel=4,
+                )
 
 
 def refuse_nothings(sample: NDArray, values: NDArray, what: str) -> None:

@@ -22,6 +22,8 @@ _LONGEST_PART = 200
 """Of a name in a temporary name [bytes]."""
 _LONGEST_NAME, _LONGEST_PATH = 255, 3900
 """Of a file and of a path to a result, which holds files itself [bytes]."""
+_READ = (".csv", ".json", ".yaml", ".yml")
+"""Endings of what data sets, models and results are read from."""
 
 
 def write_whole(path: str | Path, text: str) -> None:
@@ -254,10 +256,11 @@ def refuse_existing(
 
     Args:
         path: The file or folder about to be made.
-        inputs: Files and folders that the work reads: it must not be one, nor hold one.
+        inputs: Files and folders that the work reads: it must not be one, nor hold one, nor be a
+            file of one that may be read.
 
     Raises:
-        FileExistsError: If it exists and `force` is not set, or it is or holds an input.
+        FileExistsError: If it exists and `force` is not set, or it is, holds or lies in an input.
         OSError: If the nearest folder above it that exists cannot be written to.
         ValueError: If a name is too long, or not UTF-8.
     """
@@ -269,6 +272,8 @@ def refuse_existing(
         if path.exists() and real_path(path) in (source, *source.parents):
             which = "is read" if real_path(path) == source else f"holds {source}, which is read"
             raise FileExistsError(f"{path} {which}: choose another name")
+        if path.exists() and path.suffix in _READ and source in real_path(path).parents:
+            raise FileExistsError(f"{path} lies in {source}, which is read: choose another name")
     above = path.absolute().parent
     while not above.exists() and above != above.parent:
         above = above.parent

@@ -58,6 +58,26 @@ def test_a_file_of_options_that_is_none_is_refused(content, words, recorded, tmp
     assert len(done.stderr.strip().splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("test-fraction: a lot", "expected a number, got 'a lot'"),
+        ("force: maybe", "expected true or false, got 'maybe'"),
+    ],
+)
+def test_a_value_of_a_file_of_options_that_is_none_is_told(
+    content, words, recorded, tmp_path, command
+):
+    options = tmp_path / "options.yaml"
+    options.write_text(content)
+    out = tmp_path / "out"
+    done = command("calibrate", "kinematics", recorded[0], "--options", options, "--out", out)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not out.exists()
+
+
 def test_stages_are_lines_where_nobody_looks_at_a_bar(recorded, tmp_path, command):
     out = tmp_path / "out"
     words = ("calibrate", "kinematics", recorded[0], "--out", out, "--force")

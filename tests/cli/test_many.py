@@ -89,6 +89,12 @@ def test_a_dask_address_that_does_not_answer_is_one_line(address, recordings, tm
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_dask_cluster_for_one_data_set_is_refused(recordings, tmp_path, command):
+    done = learn(command, recordings / "first" / "monday", tmp_path / "out", "--dask", "tcp://x:1")
+    assert done.returncode == 2
+    assert "--dask is for many data sets, got one" in done.stderr
+
+
 @pytest.mark.slow
 def test_names_are_paths_below_what_recordings_have_in_common(recordings, tmp_path, command):
     one, two = recordings / "first" / "monday", recordings / "second"
@@ -104,10 +110,12 @@ def test_names_are_paths_below_what_recordings_have_in_common(recordings, tmp_pa
     [
         (("--test", "FIRST"), "--test and --name are for one data set"),
         (("--name", "x"), "--test and --name are for one data set"),
+        (("RECORDINGS",), "is given twice: leave one of them out"),
     ],
 )
 def test_options_of_one_data_set_are_refused_of_many(words, reason, recordings, tmp_path, command):
-    words = [recordings / "first" / "monday" if word == "FIRST" else word for word in words]
+    named = {"FIRST": recordings / "first" / "monday", "RECORDINGS": recordings}
+    words = [named.get(word, word) for word in words]
     done = command("calibrate", "kinematics", recordings, *words, "--out", tmp_path / "out")
     assert done.returncode == 2
     assert reason in done.stderr

@@ -156,6 +156,14 @@ def test_a_copied_pair_is_no_third_board(spoilt, tmp_path, command):
 
 
 @pytest.mark.slow
+def test_what_is_told_of_a_lens_stands_beside_what_pictures_would_else_be(
+    spoilt, tmp_path, command
+):
+    message = refused(command, spoilt, tmp_path, *BOARD, "--fix", "left.fx=2000")
+    assert message.endswith("or what is told is wrong: try without --fix left.fx=2000")
+
+
+@pytest.mark.slow
 def test_swapped_cameras_are_recognised(spoilt, tmp_path, command):
     for path in sorted(spoilt.glob("left*")):
         other = spoilt / path.name.replace("left", "right")

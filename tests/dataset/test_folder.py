@@ -249,6 +249,37 @@ def test_rows_that_stand_there_again_are_refused_where_they_are_many(folder, row
         load_dataset(path)
 
 
+@pytest.mark.parametrize(("beyond", "told"), [(0.9, False), (1.1, True)])
+def test_readings_beyond_the_ends_of_a_joint_by_a_twentieth_of_its_range_are_told(
+    folder, beyond, told
+):
+    reading = 120.0 + 0.05 * beyond * 125.0  # it ends at 120, 125 above its lower end
+    path = folder(SAMPLES.replace("hand,100,80,", f"hand,100,{reading},"))
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        load_dataset(path)
+    words = [str(one.message) for one in seen]
+    assert [f"elbow reads 15 to {reading:.5g}, its lower and upper are -5 and 120" in one
+            for one in words] == [True] * told  # fmt: skip
+
+
+@pytest.mark.parametrize(("rows", "other", "told"), [(10, 0, True), (9, 0, False), (10, 1, False)])
+def test_joints_that_read_the_same_throughout_are_told(folder, rows, other, told):
+    head, line = SAMPLES.splitlines()[:2]
+    cells = line.split(",")
+
+    def row(k):
+        reading = [str(k), str(k + other * (k == 3))]
+        return ",".join([str(k), "", "hand", *reading, f"0.{k + 10}", *cells[6:]])
+
+    path = folder("\n".join([head, *map(row, range(rows))]) + "\n")
+    same = f"'shoulder' and 'elbow' read the same in all {rows} rows"
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        load_dataset(path)
+    assert any(same in str(one.message) for one in seen) == told
+
+
 def test_a_misspelt_optional_column_is_kept_with_a_warning(folder):
     path = folder(SAMPLES.replace("sweep,", "sweeps,"))
     with pytest.warns(UserWarning, match="'sweeps' is kept but not used, did you mean 'sweep'"):

@@ -7,9 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body_dataset
+from nico_selfmodel.dataset.body.body_folder import (
+    is_body_dataset,
+    load_body_dataset,
+    save_body_dataset,
+)
 from nico_selfmodel.dataset.body.link_joint import LinkJoint
-from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE
+from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, SensorInfo
 from nico_selfmodel.dataset.plausibility import stood_still
 from nico_selfmodel.errors import DataError
 
@@ -38,6 +42,42 @@ def test_distances_in_millimetres_are_refused(tmp_path):
     assert (kinds == DISTANCE).any()
     with pytest.raises(DataError, match="were millimetres given as metres"):
         read_back(longer(data, np.flatnonzero(kinds == DISTANCE), [0]), tmp_path)
+
+
+def test_one_marker_in_millimetres_on_its_link_is_refused(tmp_path):
+    data = one_arm(1, poses=6).data
+    markers = [replace(one, xyz=None) for one in data.markers]
+    for unit in (1e-3, 1.0):
+        markers[0] = replace(markers[0], xyz=(200.0 * unit, 30.0 * unit, 0.0))
+        told = replace(data, markers=tuple(markers))
+        wrong = pytest.raises(DataError, match=r"'xyz' of markers on links: up to 200 m: were mill")
+        with wrong if unit == 1.0 else nullcontext():
+            read_back(told, tmp_path / str(unit))
+
+
+def test_a_table_of_observations_alone_lacks_its_poses(tmp_path):
+    save_body_dataset(one_arm(1, poses=6).data, tmp_path / "data")
+    (tmp_path / "data" / "poses.csv").unlink()
+    assert is_body_dataset(tmp_path / "data")
+    with pytest.raises(DataError, match=r"poses\.csv is missing"):
+        load_body_dataset(tmp_path / "data")
+
+
+@pytest.mark.parametrize(
+    ("lens", "said"),
+    [
+        ({"fx": 600.0, "fy": 600.0}, "a lens needs cx, cy, got"),
+        (
+            {"fx": 31.0, "fy": 33.0, "cx": 320.0, "cy": 240.0},
+            "are no focal lengths of images of 640",
+        ),
+        ({"fx": 33.0, "fy": 33.0, "cx": 320.0, "cy": 240.0}, None),
+    ],
+)
+def test_a_lens_has_a_focal_length_in_pixels_and_a_middle(lens, said):
+    entry = {"name": "cam", "kind": CAMERA, "image_size": [640, 480], "lens": lens}
+    with nullcontext() if said is None else pytest.raises(DataError, match=said):
+        SensorInfo.from_mapping(entry, "here")
 
 
 def test_places_in_millimetres_are_refused(tmp_path):
@@ -218,7 +258,7 @@ def test_a_recording_all_in_degrees_is_questioned_once_for_all_joints(tmp_path):
 
 def test_joints_that_turn_many_times_are_taken(tmp_path):
     data = two_arms(1, poses=12).data
-    turns = np.linspace(-40.0, 40.0, 12)[:, None] * np.ones(len(data.joints))
+    turns = np.linspace(-40.0, 40.0, 12)[:, None] * 0.99 ** np.arange(len(data.joints))
     with pytest.warns(UserWarning, match="12.7 turns"):
         read_back(replace(data, readings=turns), tmp_path)
 

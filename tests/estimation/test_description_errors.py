@@ -242,6 +242,29 @@ def test_axes_that_are_not_the_described_ones_tell_no_size():
     assert compare_sizes((d, 0.0 * p), (d, 0.0 * p)) is None
 
 
+@pytest.mark.parametrize(
+    ("reach", "off", "told"),
+    [(0.0101, 0.19, True), (0.0099, 0.19, False), (0.04, 0.21, False), (0.051, 0.29, True),
+     (0.051, 0.31, False)],
+)  # fmt: skip
+def test_small_distances_between_axes_tell_a_size_where_scaling_leaves_less(reach, off, told):
+    rng = np.random.default_rng(3)
+    d, p = rng.normal(size=(2, 6, 3))
+    d = d / np.linalg.norm(d, axis=1, keepdims=True)
+    across = np.eye(3) - d[:, :, None] * d[:, None, :]
+    moves = across.reshape(-1, 3)
+
+    def left(columns, points):
+        target = (across @ points[:, :, None]).ravel()
+        return target - columns @ np.linalg.lstsq(columns, target)[0]
+
+    p = p * (reach / np.linalg.norm(left(moves, p)))
+    columns = np.column_stack([(across @ p[:, :, None]).ravel(), moves])
+    e = left(columns, rng.normal(size=(6, 3)))
+    e *= off * reach / np.linalg.norm(e)
+    assert (compare_sizes((d, p), (d, p + e.reshape(-1, 3))) is not None) == told
+
+
 @pytest.mark.slow
 def test_a_joint_that_moves_the_other_way_than_described_is_named():
     sim = one_arm(4, joints=4, markers=3, poses=30)

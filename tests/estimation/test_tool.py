@@ -205,6 +205,13 @@ def test_one_pose_leaves_zeros_open_and_names_them(model):
         rezero(model, only_cameras(poses(body(), 1)))
 
 
+def test_zeros_that_nothing_checks_are_refused(model):
+    one = poses(body(), 1)
+    with pytest.raises(DataError, match="3 numbers measured for 3 zeros leave none to check"):
+        rezero(model, one, joints=model.joints[1:], sensor="points")
+    rezero(model, one, joints=model.joints[2:], sensor="points")
+
+
 @pytest.mark.parametrize("joint", slow_rest(["right_shoulder_roll", "right_elbow"]))
 def test_readings_that_lost_a_turn_find_their_zeros(model, joint):
     def wrapped(data):

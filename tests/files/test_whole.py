@@ -171,6 +171,17 @@ def test_a_file_is_not_written_over_the_one_it_is_made_of_nor_over_a_folder(resu
     assert read.is_file()
 
 
+def test_no_file_of_a_folder_that_is_read_is_replaced_but_pages_and_the_like(result):
+    for name in ("samples.csv", "self_model.yaml", "scene.json", "page.html"):
+        (result / name).write_text("before")
+    refuse_existing(result / "page.html", force=True, inputs=[result])
+    refuse_existing(result / "new.csv", force=True, inputs=[result])
+    for name in ("samples.csv", "self_model.yaml", "scene.json"):
+        with pytest.raises(FileExistsError, match=f"{name} lies in .*result, which is read"):
+            refuse_existing(result / name, force=True, inputs=[result])
+        refuse_existing(result / name, force=True, inputs=[result.parent / "elsewhere"])
+
+
 def test_a_place_where_nothing_can_be_written_is_refused_before_any_work(result, monkeypatch):
     before = sorted(path.name for path in result.iterdir())
     refuse_existing(result / "far" / "away")

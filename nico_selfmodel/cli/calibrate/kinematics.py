@@ -32,6 +32,8 @@ def kinematics(
     inputs.refuse_untested(bounds, held_out)
     task = ArmTask(held_out, search, fixed, bends, chain, bounds, command_line(), output)
     if len(dataset) == 1 and not _holds_data_sets(dataset[0]):
+        if dask is not None:
+            raise ValueError("--dask is for many data sets, got one: leave it out")
         with printer.progress_bar() as progress:
             known_as, document = task.run(dataset[0], output, progress)
         printer.result(known_as, document, output)

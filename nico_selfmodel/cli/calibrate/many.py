@@ -42,9 +42,13 @@ def recordings_in(folders: Sequence[Path]) -> list[Recording]:
         folders: Data sets, and folders that hold some, at any depth.
 
     Raises:
-        ValueError: If there is none in a folder.
+        ValueError: If there is none in a folder, or a folder is given twice.
     """
     found: list[Path] = []
+    real = [path.resolve() for path in folders]
+    for k, path in enumerate(folders):
+        if real[k] in real[:k]:
+            raise ValueError(f"{path} is given twice: leave one of them out")
     for folder in folders:
         inside = sorted(path.parent for path in folder.rglob("samples.csv"))
         if not inside:

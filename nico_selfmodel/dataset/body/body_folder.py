@@ -53,8 +53,8 @@ _VALUES = tuple(dict.fromkeys(chain.from_iterable(SENSOR_COLUMNS.values())))
 
 
 def is_body_dataset(folder: str | PathLike[str]) -> bool:
-    """Return whether a folder holds a recording of this form (`poses.csv`)."""
-    return (Path(folder) / FILES[1]).is_file()
+    """Return whether a folder holds a recording of this form: `poses.csv`, `observations.csv`."""
+    return any((Path(folder) / name).is_file() for name in FILES[1:])
 
 
 def load_body_dataset(folder: str | PathLike[str]) -> BodyDataset:

@@ -24,9 +24,11 @@ from nico_selfmodel.dataset.plausibility import (
     stood_still,
     warn_of_outside,
     warn_of_specks,
+    warn_of_stops,
+    warn_of_twins,
 )
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC
+from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, WORLD_NAME
 from nico_selfmodel.names import TAGS_OF_ONE_ID, listed
 
 _LENGTHS = "Lengths are"
@@ -50,7 +52,8 @@ def check_plausible_body(data: BodyDataset) -> None:
 
     Warns:
         UserWarning: If places spread over more than 20 m or less than 5 mm, a joint read in
-            `rad` turned by more than two whole turns, or a marker was at two places at once.
+            `rad` turned by more than two whole turns, readings lie beyond a joint's ends, two
+            joints read the same throughout, or a marker was at two places at once.
     """
     table, widest = data.observations, np.zeros((1, 3))
     for s, sensor in enumerate(data.sensors):
@@ -77,6 +80,9 @@ def check_plausible_body(data: BodyDataset) -> None:
     xyz = np.array([marker.xyz for marker in data.markers if marker.xyz is not None])
     if len(xyz):
         _check_stated("'xyz' of markers", _from_middle(xyz))
+    on_links = [one.xyz for one in data.markers if one.xyz and one.on != WORLD_NAME]
+    if on_links:
+        _check_stated("'xyz' of markers on links", float(np.abs(on_links).max()))
     there = (table.pose != ANY_POSE) & np.isfinite(table.values).any(axis=1)
     pose = table.pose[there]
     flanges = [i for i, joint in enumerate(data.joints) if joint.motion == FLANGE]
@@ -96,6 +102,10 @@ def check_plausible_body(data: BodyDataset) -> None:
     in_rad = [i for i, j in enumerate(data.joints) if j.is_read and j.encoder_unit == "rad"]
     names = [data.joints[i].name for i in in_rad]
     check_radians(names, data.readings[:, in_rad], data.sample, "poses.csv")
+    ends = [(joint.name, joint.lower, joint.upper) for joint in data.joints]
+    warn_of_stops(ends, data.readings, "poses.csv")
+    read = [i for i, joint in enumerate(data.joints) if joint.is_read]
+    warn_of_twins([data.joint_names[i] for i in read], data.readings[:, read], "poses.csv")
 
 
 def _check_one_place(data: BodyDataset) -> None:

@@ -45,6 +45,8 @@ _KEYS = (
 )  # fmt: skip
 _LIMIT = {CAMERA: 100.0}
 """Largest standard deviation of a kind that is not 1 m."""
+_SHORTEST = 0.05
+"""Part of an image's longer side below which no focal length of any lens lies."""
 
 
 @dataclass(frozen=True)
@@ -145,6 +147,12 @@ class SensorInfo:
         size = entry.get("image_size")
         if size is not None and not _is_size(size):
             raise DataError(f"{where}: 'image_size' must be [width, height], got {shown(size)}")
+        lens = _lens(entry.get("lens"), where)
+        if lens and size and min(lens["fx"], lens["fy"]) < _SHORTEST * max(size):
+            raise DataError(
+                f"{where}: fx {lens['fx']:g} and fy {lens['fy']:g} of sensor {name!r} are no focal "
+                f"lengths of images of {size[0]} x {size[1]}: give them in pixels"
+            )
         return cls(
             name,
             kind,
@@ -152,7 +160,7 @@ class SensorInfo:
             sigma,
             turn,
             None if size is None else (size[0], size[1]),
-            _lens(entry.get("lens"), where),
+            lens,
             X_LS=_pose(entry.get("pose"), where),
             lens_kind=_lens_kind(entry.get("lens"), where),
             noise=text_value(entry, "noise", where, ""),
@@ -210,7 +218,10 @@ def _lens(value: Any, where: str) -> dict[str, float] | None:
     names = intrinsics_of(_lens_kind(value, where))
     check_keys(value, ("kind", *names), where)
     found = {str(key): number_value(value, key, where) or 0.0 for key in value if key != "kind"}
-    if not (found.get("fx", 0.0) > 0.0 and found.get("fy", 0.0) > 0.0):
+    lacking = [key for key in ("fx", "fy", "cx", "cy") if key not in found]
+    if lacking:
+        raise DataError(f"{where}: a lens needs {listed(lacking)}, got {shown(dict(value))}")
+    if not (found["fx"] > 0.0 and found["fy"] > 0.0):
         raise DataError(f"{where}: a lens needs positive fx and fy, got {shown(dict(value))}")
     return found
 

@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.board_views import BoardViews
-from nico_selfmodel.errors import ModelError, NotConvergedError, NotIdentifiableError
+from nico_selfmodel.errors import (
+    DataError,
+    EstimationError,
+    ModelError,
+    NotConvergedError,
+    NotIdentifiableError,
+)
 from nico_selfmodel.estimation.cameras.camera_adjustment import Adjustment, CameraCalibration
 from nico_selfmodel.estimation.cameras.camera_initialization import (
     check_tilts,
@@ -93,7 +99,12 @@ def calibrate_cameras(
             check_start(rig, views.pair(first, second), rms)
         raise
     for link, rms in leaves.items():
-        check_pair(result, link, rms)
+        try:
+            check_pair(result, link, rms)
+        except (DataError, EstimationError) as error:
+            if not (told := options.told):
+                raise
+            raise type(error)(f"{error}; or what is told is wrong: try without {told}") from None
     return result
 
 

@@ -49,6 +49,13 @@ class CameraOptions:
         if self.aspect is not None and not self.aspect > 0.0:
             raise ValueError(f"aspect must be positive, got {self.aspect}")
 
+    @property
+    def told(self) -> str:
+        """What was told of numbers, as it is told at the command line; empty if nothing was."""
+        fixed = [f"--fix {name}={v:g}" for name, v in self.pinned.items() if v is not None]
+        priors = [f"--prior {name}={v:g},{sigma:g}" for name, (v, sigma) in self.priors.items()]
+        return " ".join([*fixed, *priors])
+
     @classmethod
     def from_text(
         cls,

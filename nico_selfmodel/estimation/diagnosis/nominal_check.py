@@ -11,8 +11,10 @@ from nico_selfmodel.model.arm.dh_table import DhTable
 
 _NEAR_RAD = np.radians(15.0)
 """Directions of axes must agree this well (rms), or the two arms cannot be compared."""
-_LEAST_SIZE = 0.05
-"""Distances between axes that a comparison of sizes needs [m]; less is uncertainty of the axes."""
+_LEAST_SIZE, _LARGE_SIZE = 0.01, 0.05
+"""Distances between axes that a comparison of sizes needs, and from which on, in the description or
+as learned, what scaling leaves of them may be as large as of any [m]; less may be what the axes are
+not known by."""
 _SAME_SIZE = 1.3
 """Ratio of sizes up to which a robot may differ from its description."""
 _ALL_ALIKE, _LEAST_OFF, _FEWEST_MORE = 4.0, 0.01, 4
@@ -21,8 +23,8 @@ of the distances between axes, by this part at least, and there are so many more
 takes to place it: of lengths that are off one by one it is so by chance once in 600."""
 _CLEARLY_LESS = 0.5
 """Ratio of what two readings of the zeros leave, from which on the second is taken."""
-_LEFT_OVER = 0.3
-"""Part of the distances between axes that may remain after scaling."""
+_LEFT_OVER, _LEFT_OF_SMALL = 0.3, 0.2
+"""Part of the distances between axes that may remain after scaling, and of small ones."""
 
 
 @dataclass(frozen=True)
@@ -99,9 +101,11 @@ def compare_sizes(
     # How far described axes pass each other, whatever the place of the arm [m].
     reach = _left(moves, lengths)
     scale, left = float(solution[0]), float(np.linalg.norm(columns @ solution - target))
-    if rank < 4 or reach < _LEAST_SIZE or left > _LEFT_OVER * abs(scale) * reach:
+    size = abs(scale) * reach
+    part = _LEFT_OVER if max(size, reach) >= _LARGE_SIZE else _LEFT_OF_SMALL
+    if rank < 4 or reach < _LEAST_SIZE or left > part * size:
         return None
-    size, unscaled = abs(scale) * reach, _left(moves, target - lengths)
+    unscaled = _left(moves, target - lengths)
     return RobotSize(scale, left / size, unscaled / size, 2 * len(d) - 4)
 
 

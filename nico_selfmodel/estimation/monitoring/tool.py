@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.dataset import Dataset
-from nico_selfmodel.errors import ModelError, NotIdentifiableError
+from nico_selfmodel.errors import DataError, ModelError, NotIdentifiableError
 from nico_selfmodel.estimation.monitoring.block_update import (
     BlockUpdate,
     learn_block,
@@ -174,7 +174,8 @@ def rezero(
         loss: Of poses: one of `optimization.robust_solve.ROBUST_METHODS`.
 
     Raises:
-        DataError: If the data do not suit the model, or nothing was seen.
+        DataError: If the data do not suit the model, or what was seen are no more numbers than
+            zeros.
         ModelError: If the model knows no noise.
         NotIdentifiableError: If the poses leave a zero open; it names them.
         ValueError: If there is no such joint.
@@ -186,6 +187,12 @@ def rezero(
     observations = hand_observations_of(model, dataset, sensor)
     names = tuple(f"{joint}.theta_offset" for joint in joints)
     update = learn_block(model, observations, names, scales=np.ones(len(names)), loss=loss)
+    numbers = int(observations.seen.sum())
+    if numbers <= len(names):
+        raise DataError(
+            f"{numbers} numbers measured for {len(names)} zeros leave none to check them by: "
+            "record three to five poses, or name the joints that lost theirs"
+        )
     if not update.fits:
         update = _from_other_zeros(model, dataset, joints, update, sensor, loss)
     after = update.model.servos
