@@ -103,7 +103,8 @@ def warn_of_twins(names: Sequence[str], readings: NDArray, place: str) -> None:
         UserWarning: If there are two such joints.
     """
     own = readings[np.isfinite(readings).all(axis=1)]
-    moved = np.flatnonzero(np.ptp(own, axis=0) > 0.0) if len(own) >= _FEWEST_PLACES else []
+    enough = len(own) >= _FEWEST_PLACES
+    moved = np.flatnonzero(np.ptp(own, axis=0) > 0.0).tolist() if enough else []
     for k, joint in enumerate(moved):
         for other in moved[:k]:
             if np.array_equal(own[:, joint], own[:, other]):

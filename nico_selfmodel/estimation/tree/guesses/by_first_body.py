@@ -165,13 +165,13 @@ def with_tracker(data: BodyDataset, tree: BodyTree, rows: SensorRows) -> BodyTre
     """Return a body with one more tracker where it saw markers of it, these placed as well.
 
     Args:
-        rows: What the tracker measured, which stands somewhere.
+        rows: What the tracker measured, wherever it stands, or is on its link.
 
     Raises:
-        DataError: If the tracker's rows do not tell where it stands.
+        DataError: If the tracker's rows do not tell where it is.
     """
-    X_WS, _, places = _beside(data, tree, rows, sized=True)
-    return with_sensors(_with_places(tree, places), {rows.name: X_WS})
+    X_LS, _, places = _beside(data, tree, rows, sized=True)
+    return with_sensors(_with_places(tree, places), {rows.name: X_LS})
 
 
 def _with_places(tree: BodyTree, places: Mapping[int, NDArray]) -> BodyTree:
@@ -184,28 +184,31 @@ def _with_places(tree: BodyTree, places: Mapping[int, NDArray]) -> BodyTree:
 def _beside(
     data: BodyDataset, tree: BodyTree, rows: SensorRows, *, sized: bool
 ) -> tuple[NDArray, float, dict[int, NDArray]]:
-    """Return where a tracker stands that saw markers of unknown place on links that are known.
+    """Return where a tracker is on its link that saw markers of unknown place on known links.
 
-    R p + t - s o - R_WL m = 0, with o a link's origin, is linear in R, t, s and every m; R is made
-    a rotation afterwards.
+    R p + t - s o - R_SL m = 0, with R_SL and o a marker's link in that of the tracker, is linear in
+    R, t, s and every m; R is made a rotation afterwards.
 
     Args:
         rows: What was measured, p.
         sized: Whether the body's size is known, s = 1.
 
     Returns:
-        X_WS, shape (4, 4), s, and m by marker, shape (3,).
+        X_LS, shape (4, 4), s, and m by marker, shape (3,).
 
     Raises:
         DataError: If the rows leave any of it open.
     """
     motion = TreeMotion.at(tree, data.si_readings, data.X_flange)
     links = np.array([tree.markers[m].on for m in rows.marker.tolist()])
-    R_WL, o = motion.R_WL[links, :, :, rows.pose], motion.p_WL[links, :, rows.pose]
+    carrier = data.on_link(data.sensors[rows.sensor].on)
+    R_WS, p_WS = motion.R_WL[carrier][:, :, rows.pose], motion.p_WL[carrier][:, rows.pose].T
+    R_SL = np.einsum("jin,njk->nik", R_WS, motion.R_WL[links, :, :, rows.pose])
+    o = np.einsum("jin,nj->ni", R_WS, motion.p_WL[links, :, rows.pose] - p_WS)
     seen = np.unique(rows.marker)
     N, p = len(rows.rows), rows.measured[:, :3]
     by_m = np.zeros((N, 3, len(seen), 3))
-    by_m[np.arange(N), :, np.searchsorted(seen, rows.marker)] = -R_WL
+    by_m[np.arange(N), :, np.searchsorted(seen, rows.marker)] = -R_SL
     by_t, by_m = np.tile(np.eye(3), (N, 1)), by_m.reshape(3 * N, -1)
     by_R = np.einsum("ij,nk->nijk", np.eye(3), p).reshape(3 * N, 9)
     rest = np.hstack([by_t, by_m, -o.reshape(-1, 1)])

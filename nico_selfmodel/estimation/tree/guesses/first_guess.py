@@ -31,6 +31,7 @@ from nico_selfmodel.estimation.tree.guesses.carried_cameras import (
     reconstructed_by,
     with_known_links,
 )
+from nico_selfmodel.estimation.tree.guesses.carried_trackers import with_carried_tracker
 from nico_selfmodel.estimation.tree.guesses.carrying_joints import with_carrying_joints
 from nico_selfmodel.estimation.tree.guesses.flange_guess import from_flange
 from nico_selfmodel.estimation.tree.guesses.lost_joints import before_known_joints, with_lost_joints
@@ -262,6 +263,8 @@ def _described(
             places[info.name] = info.X_LS
         elif rows.kind == CAMERA:
             places[info.name] = _on_its_link(motion, rows, data.on_link(info.on), rng, _FAR)
+        elif (beside := with_carried_tracker(data, tree, rows)) is not None:
+            tree = beside
         else:
             p_LM = motion.points_from(data.on_link(info.on), rows.marker, rows.pose)
             found = Alignment.from_points(rows.measured[:, :3], p_LM)

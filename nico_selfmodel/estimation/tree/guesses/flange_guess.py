@@ -257,18 +257,23 @@ def _by_unknown(
 
 def _other_markers(data: BodyDataset, tree: BodyTree, observations: TreeObservations) -> BodyTree:
     """Place markers that a sensor of known place measured in space."""
-    motion = TreeMotion.at(tree, data.si_readings, data.X_flange)
-    markers, places = list(tree.markers), {s.name: s for s in tree.sensors}
     for rows in observations.sensors:
-        if rows.kind not in (POSES, POINTS):
-            continue
-        R_WS, p_WS = motion.pose_of(places[rows.name])
-        for m in np.unique(rows.marker).tolist():
-            own = rows.marker == m
-            pose = rows.pose[own]
-            p = np.einsum("ijn,nj->ni", R_WS[:, :, pose], rows.measured[own, :3]) + p_WS[:, pose].T
-            R_WL = motion.R_WL[markers[m].on][:, :, pose].transpose(2, 0, 1)
-            local = p - motion.p_WL[markers[m].on][:, pose].T
-            at = np.median((np.swapaxes(R_WL, 1, 2) @ local[:, :, None])[:, :, 0], axis=0)
-            markers[m] = replace(markers[m], X_LA=transform(markers[m].X_LA[:3, :3], at))
-    return with_orientations(data, tree.with_markers(tuple(markers)), observations)
+        if rows.kind in (POSES, POINTS):
+            tree = with_markers_seen_by(data, tree, rows)
+    return with_orientations(data, tree, observations)
+
+
+def with_markers_seen_by(data: BodyDataset, tree: BodyTree, rows: SensorRows) -> BodyTree:
+    """Place markers that a sensor of known place measured in space, in their links."""
+    motion = TreeMotion.at(tree, data.si_readings, data.X_flange)
+    markers = list(tree.markers)
+    R_WS, p_WS = motion.pose_of(next(s for s in tree.sensors if s.name == rows.name))
+    for m in np.unique(rows.marker).tolist():
+        own = rows.marker == m
+        pose = rows.pose[own]
+        p = np.einsum("ijn,nj->ni", R_WS[:, :, pose], rows.measured[own, :3]) + p_WS[:, pose].T
+        R_WL = motion.R_WL[markers[m].on][:, :, pose].transpose(2, 0, 1)
+        local = p - motion.p_WL[markers[m].on][:, pose].T
+        at = np.median((np.swapaxes(R_WL, 1, 2) @ local[:, :, None])[:, :, 0], axis=0)
+        markers[m] = replace(markers[m], X_LA=transform(markers[m].X_LA[:3, :3], at))
+    return tree.with_markers(tuple(markers))
