@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,11 +12,13 @@ from nico_selfmodel.dataset.body.link_joint import LinkJoint
 from nico_selfmodel.dataset.body.sensors import MarkerInfo, SensorInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.tree.timing.moved_meanwhile import _fewest
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vectors_of
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
+from ..slow_rest import slow_rest
 from .simulated_trees import LENS, looking_at, one_arm, turned
 
 CORNERS = 0.03 * np.array([[i, j, 0.0] for i in range(7) for j in range(5)])
@@ -111,6 +114,24 @@ def test_a_target_in_the_room_that_is_told_too_large_fails_before_ten_poses():
     told = re.match(r"target on 'world' is told (\S+) \+- .* apart, not 30.9\)", verdict.reasons[0])
     assert told, verdict.reasons
     assert float(told[1]) == pytest.approx(1.03, abs=0.01)
+
+
+@pytest.mark.parametrize("seed", slow_rest(range(4), plain=1))
+def test_a_board_that_is_moved_after_eight_of_sixteen_pictures_is_named(seed):
+    for moved in (0.0, 0.008):
+        rng = np.random.default_rng((seed, 12))
+        said = judge(calibrate_tree(recorded(rng, poses=16, moved=moved)[1])).reasons
+        assert any("moved by about" in one and "sample 7" in one for one in said) == (moved > 0)
+
+
+def test_pictures_of_fewer_than_six_corners_tell_no_whole_poses():
+    _, data = recorded(np.random.default_rng(0), poses=12)
+    for corners, poses in ((6, 10), (5, 20)):
+        few = data.of_rows(data.observations.marker < corners)
+        assert _fewest(SimpleNamespace(observations=SimpleNamespace(data=few))) == poses
+    unknown = tuple(replace(marker, xyz=None) for marker in data.markers)
+    tags = replace(data, markers=unknown)
+    assert _fewest(SimpleNamespace(observations=SimpleNamespace(data=tags))) == 20
 
 
 @pytest.mark.slow

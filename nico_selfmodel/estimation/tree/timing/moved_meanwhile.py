@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset.body.body_dataset import ANY_POSE
-from nico_selfmodel.dataset.body.sensors import POSES, SIGHTS
+from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
+from nico_selfmodel.dataset.body.sensors import CAMERA, POSES, SIGHTS
 from nico_selfmodel.estimation.diagnosis.changes_in_time import (
     FEWEST_VISITS,
     Change,
@@ -43,8 +43,11 @@ from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, WHOLE_POSES, 
 LEAST_RATIO = 1.02
 """Mean residual of what a change moves, without it over with it, below which nobody is told."""
 _FEWEST_WHOLE = 2 * (MARGIN + 1)
-"""Poses of one flange that are told and seen whole below which no change is looked for: each tells
-six numbers of twelve that are unknown, where those of an arm are `FEWEST_VISITS`."""
+"""Poses of one flange that are told and seen whole, or by corners that tell as much, below which no
+change is looked for: each tells six numbers of twelve that are unknown, where those of an arm are
+`FEWEST_VISITS`."""
+_FEWEST_CORNERS = 6
+"""Corners of known place in most pictures of a camera that is taken to tell whole poses."""
 _AT_ONCE = 0.5
 """Difference of the shares of slips before and after a sample from which on they began there."""
 _MOST_NUMBERS = 1e7
@@ -161,8 +164,21 @@ def _fewest(problem: TreeProblem) -> int:
     """Return how many visits tell whether anything changed."""
     data = problem.observations.data
     told = [joint.motion for joint in data.joints] == [FLANGE]
-    whole = told and all(sensor.kind == POSES for sensor in data.sensors)
+    whole = told and all(
+        sensor.kind == POSES or _shows_poses(data, s) for s, sensor in enumerate(data.sensors)
+    )
     return _FEWEST_WHOLE if whole else FEWEST_VISITS
+
+
+def _shows_poses(data: BodyDataset, sensor: int) -> bool:
+    """Whether a camera sees so many corners of known place that each picture tells a whole pose."""
+    table = data.observations
+    known = np.array([marker.xyz is not None for marker in data.markers])[table.marker]
+    own = known & (table.sensor == sensor) & (table.pose != ANY_POSE)
+    counts = np.unique(table.pose[own], return_counts=True)[1]
+    return data.sensors[sensor].kind == CAMERA and bool(
+        len(counts) and np.median(counts) >= _FEWEST_CORNERS
+    )
 
 
 def _order(problem: TreeProblem) -> tuple[NDArray, NDArray]:
