@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -128,10 +127,10 @@ def test_pictures_of_fewer_than_six_corners_tell_no_whole_poses():
     _, data = recorded(np.random.default_rng(0), poses=12)
     for corners, poses in ((6, 10), (5, 20)):
         few = data.of_rows(data.observations.marker < corners)
-        assert _fewest(SimpleNamespace(observations=SimpleNamespace(data=few))) == poses
+        assert _fewest(few) == poses
     unknown = tuple(replace(marker, xyz=None) for marker in data.markers)
     tags = replace(data, markers=unknown)
-    assert _fewest(SimpleNamespace(observations=SimpleNamespace(data=tags))) == 20
+    assert _fewest(tags) == 20
 
 
 @pytest.mark.slow

@@ -46,7 +46,10 @@ from nico_selfmodel.estimation.tree.contradictions.sensor_noise import (
     sensor_misfits,
     unexplained_sensors,
 )
-from nico_selfmodel.estimation.tree.contradictions.standing_still import dead_encoders
+from nico_selfmodel.estimation.tree.contradictions.standing_still import (
+    dead_encoders,
+    frozen_reading,
+)
 from nico_selfmodel.estimation.tree.contradictions.wrong_readings import noisy_gears
 from nico_selfmodel.estimation.tree.known.described_scale import contradicted_description
 from nico_selfmodel.estimation.tree.noise.finer_noise import TURN_NOISE
@@ -116,6 +119,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     return (
         *_late_findings(calibration.late),
         *findings(CAUSE, changed if cause else []),
+        *findings(CAUSE, [frozen_reading(data, _set_aside(calibration))]),
         *patterned,
         *contradiction_findings(calibration),
         *findings(
@@ -295,6 +299,15 @@ def _alike_words(calibration: TreeCalibration) -> list[str]:
             f"own: error bars count it, and more poses like these tell little more; {advice}"
         )
     return out
+
+
+def _set_aside(calibration: TreeCalibration) -> NDArray:
+    """Return of which samples something was set aside, or a joint was read wrongly. (P,)."""
+    data, solution = calibration.data, calibration.solution
+    table = data.observations
+    aside = np.array(solution.slipped_in(data.visit).any(axis=1))
+    aside[table.pose[solution.outliers & (table.pose != ANY_POSE)]] = True
+    return aside
 
 
 def _outlier_words(calibration: TreeCalibration) -> list[str]:

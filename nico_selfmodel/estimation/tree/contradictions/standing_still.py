@@ -1,6 +1,7 @@
 """Recordings in which nothing moved that should tell where joints are."""
 
 from collections.abc import Collection
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,10 @@ _STILL_SLIDE = 1e-5
 _HARDLY = 0.01
 """And of one that hardly moved beside others of its kind, as a share of their median travel."""
 _FEWEST = 3
-"""Poses in which a value that is the same to the last digit is no accident."""
+"""Poses in which a value that is the same to the last digit is no accident, or that contradict the
+rest while a joint stands."""
+_BY_CHANCE = 0.02
+"""How often as many may lie there by chance; that one joint alone stands is rare by itself."""
 
 
 def check_that_it_moved(data: BodyDataset, moving: NDArray, *, described: bool) -> None:
@@ -80,13 +84,43 @@ def dead_encoders(data: BodyDataset, joints: Collection[str]) -> str:
     return f"readings of {listed(still)} {change}: if it moved, its encoder stands still"
 
 
+def frozen_reading(data: BodyDataset, aside: NDArray) -> str:
+    """Say that a joint stood still in its readings where most of what contradicts the rest lies.
+
+    Samples that were set aside lie there far more often than by chance (Fisher's exact test).
+
+    Args:
+        data: The recording.
+        aside: Samples of which something was set aside. Boolean, shape (P,).
+
+    Returns:
+        Nothing where none stood so, or no more lie there than may.
+    """
+    found = _stood_in_a_row(data)
+    if found is None:
+        return ""
+    span = np.isin(data.sample, found[1])
+    n, m, inside = len(data.sample), int(aside.sum()), int((aside & span).sum())
+    ways = [
+        comb(int(span.sum()), k) * comb(n - int(span.sum()), m - k) for k in range(inside, m + 1)
+    ]
+    if inside < _FEWEST or 2 * inside <= m or sum(ways) > _BY_CHANCE * comb(n, m):
+        return ""
+    return f"{found[2]}; of {m} samples that contradict the rest {inside} are among these"
+
+
 def _stood_in_between(data: BodyDataset, joints: Collection[str]) -> str:
     """Say which joint alone reads the same in many samples in a row while others move."""
+    found = _stood_in_a_row(data)
+    return found[2] if found is not None and found[0] in joints else ""
+
+
+def _stood_in_a_row(data: BodyDataset) -> tuple[str, NDArray, str] | None:
+    """Find that joint, see `stood_in_a_row`."""
     read = [i for i, joint in enumerate(data.joints) if joint.is_read]
     names = [data.joints[i].name for i in read]
     units = [data.joints[i].encoder_unit for i in read]
-    found = stood_in_a_row(names, units, data.sample, data.readings[:, read])
-    return found[2] if found is not None and found[0] in joints else ""
+    return stood_in_a_row(names, units, data.sample, data.readings[:, read])
 
 
 def _hardly_moved(data: BodyDataset) -> set[str]:

@@ -63,7 +63,7 @@ def moved_meanwhile(problem: TreeProblem, solution: TreeSolution) -> Change | No
     """
     seen, data = problem.observations, problem.observations.data
     rank, timed = _order(problem)
-    if len(np.unique(rank[timed])) < _fewest(problem) or not solution.variances_known:
+    if len(np.unique(rank[timed])) < _fewest(data) or not solution.variances_known:
         return None
     last = np.full(rank.max() + 1, np.iinfo(data.sample.dtype).min)
     np.maximum.at(last, rank[timed], data.sample[timed])
@@ -160,9 +160,8 @@ def _left_beside(problem: TreeProblem, solution: TreeSolution, k: int, errors: N
     )
 
 
-def _fewest(problem: TreeProblem) -> int:
+def _fewest(data: BodyDataset) -> int:
     """Return how many visits tell whether anything changed."""
-    data = problem.observations.data
     told = [joint.motion for joint in data.joints] == [FLANGE]
     whole = told and all(
         sensor.kind == POSES or _shows_poses(data, s) for s, sensor in enumerate(data.sensors)
@@ -272,7 +271,7 @@ def _changes(
     passing = np.bincount(table.marker[carried[table.sensor]], minlength=count) > 0
     passing |= [data.on_link(marker.on) >= 0 for marker in data.markers]
     tree, together = parameters.tree_of(solution.values), dict[str, list[Attached]]()
-    seen_often = (told >= _fewest(problem)) & passing
+    seen_often = (told >= _fewest(data)) & passing
     for marker, placed, often in zip(data.markers, tree.markers, seen_often, strict=True):
         places, turns = ([f"{marker.name}.{part}" for part in parts] for parts in (SHIFTS, TURNS))
         if not often or places[0] not in index:
