@@ -40,7 +40,7 @@ def test_a_body_whose_encoder_stood_is_no_body_of_wrong_labels(joint):
 def test_what_was_set_aside_lies_where_it_stood_far_more_often_than_by_chance(
     inside, outside, told
 ):
-    """Of 50 samples 14 have three of three by chance once in 54, four of five or six in 56 or 23."""
+    """Of 50 samples 14 have three of three by chance once in 54, four of six in 23."""
     data = frozen(one_arm(0, joints=6, poses=50).data, 5)
     aside = np.zeros(50, dtype=bool)
     aside[FIRST : FIRST + inside] = aside[:outside] = True

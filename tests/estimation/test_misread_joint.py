@@ -14,6 +14,10 @@ from nico_selfmodel.estimation.diagnosis.misread_joint import (
 )
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.planning.sweep_protocol import SweepProtocol
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.sessions.simulated_session import simulated_session
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
 from ..slow_rest import slow_rest
 from .random_arms import random_recording
@@ -175,3 +179,16 @@ def test_a_place_fails_from_5_milliradians_on(make_truth, off, said):
         low, high = sorted(np.degrees(truth.servos.to_encoder(q)[[20, 31], 1]))
         assert f"in 12 of 12 poses in which 'joint_1' read {low:.0f} to {high:.0f} deg" in words[0]
         assert "and in 0 of 48 others" in words[0]
+
+
+def test_an_encoder_that_stood_is_named_before_the_time_from_which_on_outliers_lie():
+    arm, world = ArmDescription.named("nico"), IMPERFECTIONS["thesis"]
+    poses = replace(SweepProtocol.for_arm(arm), random_poses=60)
+    data = simulated_session(arm, world, poses, "stood", seed=1, session=0)
+    encoders, elbow = np.array(data.encoders), data.joint_names.index("right_elbow")
+    stood = np.flatnonzero(data.sweep == "")[20:34]
+    encoders[stood, elbow] = encoders[stood[0], elbow]
+    verdict = judge(calibrate_kinematics(replace(data, encoders=encoders)))
+    assert verdict.status == "FAIL"
+    assert "'right_elbow' stands at" in verdict.reasons[0]
+    assert not any("outliers lie after" in one for one in verdict.reasons)

@@ -59,7 +59,8 @@ _ASKED = 500
 def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
     """Return what speaks for and against a learned arm beyond what every calibration is asked."""
     misfit = _misfit_reason(calibration)
-    explained = misfit is None and not calibration.causes.words
+    uneven, misread = _misread(calibration)
+    explained = misfit is None and not (calibration.causes.words or uneven)
     exchanged = _exchanged_words(calibration)
     foreign = foreign_markers(calibration.train.observations, calibration.outliers)
     if foreign and exchanged:
@@ -78,7 +79,6 @@ def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
     said = [] if held_out is None else [_held_out_words(calibration, held_out)]
     bends = kept_words(ladder, calibration.model.bending, calibration.at)
     bends_badly = bending_warnings(ladder, calibration.at)
-    uneven, misread = _misread(calibration)
     return (
         *findings(CAUSE, calibration.causes.words),
         *findings(MISFIT, [misfit]),
