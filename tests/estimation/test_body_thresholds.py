@@ -215,7 +215,15 @@ def test_noise_of_a_tenth_of_what_a_joint_slid_is_none(slider, share, fails):
 
 @pytest.mark.parametrize(
     ("own", "of", "others", "named"),
-    [(10, 40, 0, False), (11, 40, 0, True), (2, 3, 14, False), (3, 3, 3, True), (3, 3, 9, False)],
+    [
+        (10, 40, 0, False),
+        (11, 40, 0, True),
+        (2, 3, 14, False),
+        (3, 3, 3, True),
+        (3, 3, 9, False),
+        (2, 2, 0, False),
+        (3, 3, 0, True),
+    ],
 )
 def test_a_marker_is_at_two_places_by_a_quarter_of_its_sights_and_more_than_chance(
     own, of, others, named

@@ -11,6 +11,7 @@ from nico_selfmodel.dataset.body.link_joint import LinkJoint
 from nico_selfmodel.dataset.body.sensors import MarkerInfo, SensorInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.tree.contradictions import contradiction_words
 from nico_selfmodel.estimation.tree.timing.moved_meanwhile import _fewest
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vectors_of
@@ -121,6 +122,14 @@ def test_a_board_that_is_moved_after_eight_of_sixteen_pictures_is_named(seed):
         rng = np.random.default_rng((seed, 12))
         said = judge(calibrate_tree(recorded(rng, poses=16, moved=moved)[1])).reasons
         assert any("moved by about" in one and "sample 7" in one for one in said) == (moved > 0)
+
+
+def test_poses_of_a_flange_that_are_wrong_are_not_asked_for_another_joint(monkeypatch):
+    found = calibrate_tree(recorded(np.random.default_rng(3), poses=12)[1])
+    monkeypatch.setattr(contradiction_words, "read_wrongly", lambda *_: {"tcp": (3, 12)})
+    (wrong,) = (one.text for one in contradiction_words.contradiction_findings(found))
+    assert wrong.startswith("poses of flange 'tcp' would be wrong in 3 of 12 poses: check units")
+    assert "which way they go" in wrong
 
 
 def test_pictures_of_fewer_than_six_corners_tell_no_whole_poses():

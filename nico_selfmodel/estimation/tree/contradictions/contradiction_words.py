@@ -36,13 +36,14 @@ from nico_selfmodel.estimation.tree.contradictions.wrong_readings import (
     seen_wrongly,
 )
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.guesses.flange_guess import CHECK_FLANGE
 from nico_selfmodel.estimation.tree.known.lens_parts import lens_findings
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_setup import KNOWN_PLACES
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
-from nico_selfmodel.model.tree.body_tree import PRISMATIC, REVOLUTE, WORLD
+from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, REVOLUTE, WORLD
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import TAGS_OF_ONE_ID, listed
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
@@ -75,10 +76,19 @@ def contradiction_findings(calibration: TreeCalibration) -> list[Finding]:
     found += views_apart(linear, seen, solution.outliers)
     misread = read_wrongly(linear, seen, solution)
     for joint, (wrong, of) in misread.items():
-        cause = "check its unit and sign, whether another joint drives it (`follows`), and whether "
-        cause = dead_encoders(calibration.data, [joint]) or f"{cause}it slips"
-        text = f"readings of joint {joint!r} would be wrong in {wrong} of {of} poses: {cause}"
-        found.append(Finding(FAILURE, text))
+        i = calibration.data.joint_names.index(joint)
+        if calibration.data.joints[i].motion == FLANGE:
+            what, cause = f"poses of flange {joint!r}", CHECK_FLANGE
+        else:
+            what, cause = (
+                f"readings of joint {joint!r}",
+                (
+                    dead_encoders(calibration.data, [joint])
+                    or "check its unit and sign, whether another joint drives it (`follows`), and "
+                    "whether it slips"
+                ),
+            )
+        found.append(Finding(FAILURE, f"{what} would be wrong in {wrong} of {of} poses: {cause}"))
     found += _of_labels(seen, solution)
     found += _outvoted(calibration, seen)
     # A known body is held against poses as what it knows of noise and itself tells.

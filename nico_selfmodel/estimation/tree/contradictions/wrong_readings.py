@@ -23,7 +23,8 @@ from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
 _LARGEST_GEAR = 0.01
 """A gear that is told and off by more is no play."""
 _TELLING = 3
-"""Observations of a pose from which on most of them being off is no matter of single labels."""
+"""Observations of a pose, or of a marker, from which on most of them being off is no matter of
+single labels."""
 
 
 def read_wrongly(
@@ -78,7 +79,7 @@ def markers_elsewhere(seen: TreeObservations, outliers: NDArray) -> dict[str, tu
         if outliers_are_many(own) is None or not len(others):
             continue
         wrong, share = int(own.sum()), min(max(float(others.mean()), LEAST_SHARE), MOST_OUTLIERS)
-        if wrong > most_expected(len(own), share):
+        if wrong >= _TELLING and wrong > most_expected(len(own), share):
             found[marker.name] = (wrong, len(own))
     return found
 
