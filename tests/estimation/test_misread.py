@@ -82,6 +82,19 @@ def test_an_arm_that_is_read_in_counts_says_how_its_readings_were_taken_wrongly(
     assert document["causes"] == []
 
 
+def test_columns_of_joints_that_are_read_in_other_units_may_be_exchanged():
+    readings = np.random.default_rng(2).uniform(-60.0, 60.0, (20, 3)) * [30.0, 1.0, 1.0]
+
+    def off_by(given):
+        return np.mean((given - readings) ** 2, axis=1)
+
+    swapped = readings[:, [1, 0, 2]]
+    units = ("counts", "deg", "deg")
+    read = ReadPoses(("shoulder", "elbow", "roll"), units, np.arange(20), swapped, off_by)
+    words = "the readings of shoulder and elbow are exchanged; then the poses fit"
+    assert read.misread(np.arange(20)) == words
+
+
 def test_sound_readings_and_a_joint_that_slipped_are_not_called_misread():
     model, test = body()
     assert check_body_health(model, test).misread is None

@@ -70,12 +70,11 @@ class ReadPoses:
         for i in read:
             words = f"the readings of {self.joints[i]} have the other sign than in training"
             yield words, self._times([i], -1.0)
-        for i, j in combinations(read, 2):
-            if self.units[i] == self.units[j]:
-                words = f"the readings of {self.joints[i]} and {self.joints[j]} are exchanged"
-                order = np.arange(len(self.joints))
-                order[[i, j]] = j, i
-                yield words, self.readings[:, order]
+        for i, j in combinations(read, 2):  # whatever their units are: columns are exchanged
+            words = f"the readings of {self.joints[i]} and {self.joints[j]} are exchanged"
+            order = np.arange(len(self.joints))
+            order[[i, j]] = j, i
+            yield words, self.readings[:, order]
 
     def _other_units(self, read: Sequence[int]) -> Iterator[tuple[str, NDArray]]:
         for unit, (other, factor) in OTHER_UNIT.items():
