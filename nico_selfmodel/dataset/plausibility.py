@@ -81,7 +81,8 @@ def warn_of_stops(
         if lower is None or upper is None or not np.isfinite(own).any():
             continue
         least, most, spare = np.nanmin(own), np.nanmax(own), _BEYOND * (upper - lower)
-        if least < lower - spare or most > upper + spare:
+        # Of a joint that nobody moves 0 may stand for anything.
+        if least < most and (least < lower - spare or most > upper + spare):
             told = f"{least:.5g} to {most:.5g}, its lower and upper are {lower:.5g} and {upper:.5g}"
             beyond.append(f"{name} reads {told}")
     if beyond:
