@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.diagnosis.nominal_check import RobotSize, compare_sizes
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.diagnosis.nominal_check import RobotSize, compare_sizes, odd_axes
 from nico_selfmodel.estimation.judging import judge, result_of
 from nico_selfmodel.estimation.tree.known import described_scale as module
 from nico_selfmodel.estimation.tree.known.described_scale import (
@@ -19,9 +20,16 @@ from nico_selfmodel.estimation.tree.known.described_scale import (
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_priors import BEFOREHAND, expected_priors
 from nico_selfmodel.estimation.tree.tree_setup import DESCRIBED, Alike, Description, robot_sigmas_of
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.tree.body_tree import BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.optimization.uncertainty import Uncertainty
+from nico_selfmodel.planning.sweep_protocol import SweepProtocol
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.sessions.motion_capture_scenario import nominal_of
+from nico_selfmodel.sessions.simulated_session import simulated_session
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
 from ..slow_rest import slow_rest
 from .simulated_trees import LENS, one_arm, turned
@@ -263,6 +271,73 @@ def test_small_distances_between_axes_tell_a_size_where_scaling_leaves_less(reac
     e = left(columns, rng.normal(size=(6, 3)))
     e *= off * reach / np.linalg.norm(e)
     assert (compare_sizes((d, p), (d, p + e.reshape(-1, 3))) is not None) == told
+
+
+AXES = Chain(
+    ("a", "b", "c"),
+    np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
+    np.array([[0.0, 0.0, 0.1], [0.2, 0.0, 0.3], [0.2, 0.5, 0.4]]),
+    ("hand",),
+    np.array([[0.5, 0.5, 0.4]]),
+)
+"""Neighbours are at right angles, pass each other by 0.2 and 0.1 m, and b's are 0.5 m apart."""
+
+
+def beyond_b(turn, p=(0.0, 0.0, 0.0)):
+    """Return the chain with what b carries turned about b's place and shifted."""
+    R, b = rotation_from_vector(turn), AXES.points[1]
+    d, points = AXES.directions.copy(), AXES.points.copy()
+    d[2], points[2] = R @ d[2], b + R @ (points[2] - b) + p
+    return replace(AXES, directions=d, points=points)
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        (beyond_b(np.radians([0.0, 0.0, 9.9])), None),
+        (beyond_b(np.radians([0.0, 0.0, 10.1])), "'b' and 'c' enclose 90 deg there, 79.9 as"),
+        (beyond_b(np.zeros(3), [0.0, 0.0, 0.029]), None),
+        (beyond_b(np.zeros(3), [0.0, 0.0, 0.031]), "pass each other by 100 mm there, 131 as"),
+        (beyond_b(np.zeros(3), [0.0, -0.029, 0.0]), None),
+        (beyond_b(np.zeros(3), [0.0, -0.031, 0.0]), "along 'b' its neighbours are 500 mm there"),
+        (beyond_b([0.0, 2.0, 0.0]), None),  # another zero of b
+    ],
+)
+def test_a_description_is_far_off_by_ten_degrees_or_thirty_millimetres_between_axes(other, said):
+    turned = rotation_from_vector([0.3, -1.2, 0.7])
+    moved = replace(
+        other,
+        directions=other.directions @ turned.T * [[1.0], [-1.0], [1.0]],  # b counts the other way
+        points=other.points @ turned.T + [1.0, 2.0, 3.0],
+    )
+    words = odd_axes(AXES, moved)
+    assert (words is None) == (said is None)
+    assert said is None or said in words
+
+
+def test_parallel_axes_have_a_distance_and_nothing_along_them():
+    d = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+    one = replace(AXES, directions=d)
+    first = np.eye(3)[:1].T
+    along = replace(one, points=one.points + first * [0.0, 0.0, 0.3])
+    assert odd_axes(one, along) is None
+    beside = replace(one, points=one.points + first * [0.1, 0.0, 0.0])
+    assert "'a' and 'b' pass each other by 200 mm there, 100 as learned" in odd_axes(one, beside)
+
+
+def test_an_arm_whose_description_has_another_axis_is_told_so():
+    arm, world = ArmDescription.named("nico"), IMPERFECTIONS["clean"]
+    poses = replace(SweepProtocol.for_arm(arm), random_poses=40)
+    data = simulated_session(arm, world, poses, "arm", seed=2, session=0)
+    nominal = nominal_of(arm)
+    assert not any(
+        "far off" in one for one in judge(calibrate_kinematics(data, nominal=nominal)).warnings
+    )
+    d = np.array(nominal.chain.directions)
+    d[1] = rotation_from_vector(np.radians([0.0, 40.0, 30.0])) @ d[1]
+    wrong = replace(nominal, chain=replace(nominal.chain, directions=d))
+    said = judge(calibrate_kinematics(data, nominal=wrong)).warnings
+    assert any("the robot's description is far off: axes of" in one for one in said)
 
 
 @pytest.mark.slow

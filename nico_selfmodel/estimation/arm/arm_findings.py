@@ -102,6 +102,8 @@ def _warnings(calibration: KinematicCalibration) -> list[str]:
     words += [change.warning for change in both if change.warning]
     rows = calibration.train.observations
     words += equal_readings(len(np.unique(rows.sample)), len(rows.poses))
+    if calibration.odd_axes and not (calibration.size and calibration.size.reason):
+        words.append(calibration.odd_axes)
     words += [calibration.size.warning] if calibration.size and calibration.size.warning else []
     words += _joint_noise_words(calibration)
     if calibration.causes.stopped_after is not None:

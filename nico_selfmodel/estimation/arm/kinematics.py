@@ -34,7 +34,7 @@ from nico_selfmodel.estimation.diagnosis.fixed_parameter_check import (
 )
 from nico_selfmodel.estimation.diagnosis.gear_check import DoubtfulGear, doubtful_gears
 from nico_selfmodel.estimation.diagnosis.lag_in_time import Steps, lag_in_time
-from nico_selfmodel.estimation.diagnosis.nominal_check import RobotSize, robot_size
+from nico_selfmodel.estimation.diagnosis.nominal_check import RobotSize, odd_axes, robot_size
 from nico_selfmodel.estimation.diagnosis.outliers_in_time import outliers_in_time
 from nico_selfmodel.estimation.diagnosis.score_test import ArmTest, arm_test
 from nico_selfmodel.estimation.diagnosis.systematic_residuals import (
@@ -98,6 +98,8 @@ class KinematicCalibration:
     """Parameters pinned by name that the data contradict."""
     size: RobotSize | None
     """How large the learned arm is beside the described robot; None where nothing tells."""
+    odd_axes: str | None
+    """Where the described robot is far off; None where it is not, or there is none."""
     causes: Causes
     """What would make the data fit, where they do not."""
     ladder: Ladder
@@ -212,6 +214,7 @@ def calibrate_kinematics(
         doubts.gears or ladder.doubtful_gears,
         contradicted,
         None if nominal is None else robot_size(nominal.chain, model.dh, task.gear_known),
+        None if nominal is None else odd_axes(nominal.chain, model.dh.to_chain()),
         causes,
         ladder,
         solved.noise,

@@ -1,5 +1,11 @@
-"""Whether a learned arm is the described robot: its size, and whether it is its mirror image."""
+"""Whether a learned arm is the described robot: its size, its mirror image, axes that are far off.
 
+How neighbouring axes lie to each other does not depend on where joints have their zeros, nor on
+which way they count: their angle, how far they pass each other, and how far apart on one axis the
+common normals with its two neighbours are (Denavit, Hartenberg 1955).
+"""
+
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,6 +14,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.geometry.rotation import nearest_rotation
 from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.arm.dh_table import DhTable
+from nico_selfmodel.names import listed
 
 _NEAR_RAD = np.radians(15.0)
 """Directions of axes must agree this well (rms), or the two arms cannot be compared."""
@@ -25,6 +32,10 @@ _CLEARLY_LESS = 0.5
 """Ratio of what two readings of the zeros leave, from which on the second is taken."""
 _LEFT_OVER, _LEFT_OF_SMALL = 0.3, 0.2
 """Part of the distances between axes that may remain after scaling, and of small ones."""
+_TURNED, _SHIFTED = np.radians(10.0), 0.03
+"""Angles of axes, and distances, that are off by more are no tolerance [rad, m]."""
+_PARALLEL = np.radians(10.0)
+"""Axes that are nearer to parallel have common normals anywhere."""
 
 
 @dataclass(frozen=True)
@@ -144,3 +155,71 @@ def robot_size(nominal: Chain, learned: DhTable, zero_known: NDArray) -> RobotSi
     if not found:
         return None
     return found[-1] if found[-1].left < _CLEARLY_LESS * found[0].left else found[0]
+
+
+def odd_axes(described: Chain, learned: Chain) -> str | None:
+    """Say between which neighbouring axes a description is off; None where it is nowhere.
+
+    Args:
+        described: The arm as described.
+        learned: The same joints as they were learned.
+    """
+    found = []
+    for words, (there, now), least, unit in _compared(described, learned):
+        if abs(there - now) > least:
+            scale = np.degrees(1.0) if unit == "deg" else 1e3
+            found.append(f"{words} {scale * there:.3g} {unit} there, {scale * now:.3g} as learned")
+    if not found:
+        return None
+    return (
+        f"the robot's description is far off: {listed(found)}; check axes and origins of these "
+        "joints, and that it is this robot"
+    )
+
+
+def _compared(one: Chain, other: Chain) -> Iterator[tuple[str, list[float], float, str]]:
+    """Yield what is compared, as described and learned, by how much it may be off, its unit."""
+    n, alike = (
+        len(one.joints),
+        (_Axes(one.directions, one.points), _Axes(other.directions, other.points)),
+    )
+    for i in range(n - 1):
+        pair = f"axes of {one.joints[i]!r} and {one.joints[i + 1]!r}"
+        angles = [axes.angle(i) for axes in alike]
+        yield f"{pair} enclose", angles, _TURNED, "deg"
+        if abs(angles[0] - angles[1]) <= _TURNED:
+            yield f"{pair} pass each other by", [a.distance(i) for a in alike], _SHIFTED, "mm"
+    for i in range(1, n - 1):
+        if all(min(a.angle(i - 1), a.angle(i)) > _PARALLEL for a in alike):
+            along = f"along {one.joints[i]!r} its neighbours are"
+            yield along, [a.offset(i) for a in alike], _SHIFTED, "mm"
+
+
+class _Axes:
+    """Lines in space, each with its next."""
+
+    def __init__(self, directions: NDArray, points: NDArray) -> None:
+        """Take unit directions and a point of each [m]. Shapes (n, 3)."""
+        self._d, self._p = directions, points
+
+    def angle(self, i: int) -> float:
+        """Return the angle of an axis and the next, whichever way they count [rad]."""
+        a, b = self._d[i], self._d[i + 1]
+        return float(np.arctan2(np.linalg.norm(np.cross(a, b)), abs(a @ b)))
+
+    def distance(self, i: int) -> float:
+        """Return how far an axis and the next pass each other [m]."""
+        apart, normal = self._p[i + 1] - self._p[i], np.cross(self._d[i], self._d[i + 1])
+        if self.angle(i) <= _PARALLEL:
+            return float(np.linalg.norm(apart - (apart @ self._d[i]) * self._d[i]))
+        return abs(float(apart @ normal / np.linalg.norm(normal)))
+
+    def offset(self, i: int) -> float:
+        """Return how far apart on an axis its normals with the one before and after are [m]."""
+        return abs(self._foot(i, i + 1) - self._foot(i, i - 1))
+
+    def _foot(self, i: int, other: int) -> float:
+        """Return where on an axis its common normal with another is, from its point on [m]."""
+        a, b, apart = self._d[i], self._d[other], self._p[other] - self._p[i]
+        cos = float(a @ b)
+        return float((apart @ a - (apart @ b) * cos) / (1.0 - cos**2))
