@@ -1,4 +1,4 @@
-"""Trackers that a described arm carries before things whose places in the room nobody knows."""
+"""Trackers that an arm carries before things whose places in the room nobody knows."""
 
 from dataclasses import replace
 
@@ -10,8 +10,10 @@ from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.tree.guesses.carried_trackers import with_carried_tracker
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
-from nico_selfmodel.geometry.transform import apply, transform
+from nico_selfmodel.estimation.tree.tree_setup import standing_tag
+from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.tree.body_tree import Attached
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
 from ..slow_rest import slow_rest
 from .simulated_trees import Simulated, assembled, observed, one_arm, turned
@@ -69,6 +71,42 @@ def test_without_errors_it_and_what_it_sees_are_where_they_are(kind):
     np.testing.assert_allclose(placed.sensors[0].X_LA, sim.tree.sensors[0].X_LA, atol=1e-7)
     for one, true in zip(placed.markers, sim.tree.markers, strict=True):
         np.testing.assert_allclose(one.X_LA[:3, 3], true.X_LA[:3, 3], atol=1e-7)
+
+
+@pytest.mark.parametrize("seed", slow_rest(range(6), plain=1))
+def test_an_arm_learns_itself_from_nothing_by_the_poses_of_tags_before_its_hand(seed):
+    sim = before_tags(seed, "poses", poses=60, count=1 + seed % 3)
+    found = calibrate_tree(sim.data, effects=())
+    assert judge(found).status != "FAIL", judge(found).reasons
+    assert not found.solution.outliers.any()
+    world = found.setup.world
+    assert world == standing_tag(sim.data)
+    assert not any(name.startswith(f"{world}.") for name in found.setup.free)
+    own, true = (
+        np.array([marker.X_LA[:3, 3] for marker in tree.markers]) for tree in (found.tree, sim.tree)
+    )
+    apart = [np.linalg.norm(p[:, None] - p, axis=2) for p in (own, true)]
+    assert np.abs(apart[0] - apart[1]).max() < 2e-3
+    q = np.random.default_rng(9).uniform(-1.0, 1.0, (50, 6))
+    seen = [seen_of(tree, q) for tree in (found.tree, sim.tree)]
+    assert np.median(np.linalg.norm(seen[0] - seen[1], axis=1)) < 1.5e-3
+
+
+def seen_of(tree, q):
+    """Return where the sensor on the hand sees the first tag. Shape (N, 3)."""
+    motion = TreeMotion.at(tree, q)
+    X_SM = inverse(motion.poses(tree.sensors[0])) @ motion.poses(tree.markers[0])
+    return X_SM[:, :3, 3]
+
+
+def test_the_tag_seen_most_stands_for_the_world_where_nothing_else_does():
+    data = before_tags(0, "poses", count=3).data
+    few = data.of_rows((data.observations.marker != 1) | (data.observations.pose < 5))
+    few = few.of_rows((few.observations.marker != 0) | (few.observations.pose < 20))
+    assert standing_tag(few) == "t2"
+    assert standing_tag(before_tags(0, "points").data) is None
+    carried = tuple(replace(marker, on="j6") for marker in data.markers)
+    assert standing_tag(replace(data, markers=carried)) is None
 
 
 def test_one_that_stands_or_sees_known_places_is_left_to_them():

@@ -145,7 +145,7 @@ class TreeSetup:
     fixed: Mapping[str, float]
     """Values at which the user holds some."""
     world: str
-    """What stands for the world: a sensor, a joint, or `base` of a described robot."""
+    """What stands for the world: a sensor, a joint, a marker, or `base` of a described robot."""
     scale_from: str | None
     """What tells lengths; None where nothing does, and one is held."""
     told: Mapping[str, float] = field(default_factory=dict)
@@ -244,6 +244,8 @@ def setup_of(
     for m in np.unique(np.append(table.marker, table.other[table.other >= 0])).tolist():
         turned = posed[table.marker == m].any()
         parts = (*(TURNS if turned else ()), *(() if data.markers[m].xyz else SHIFTS))
+        if data.markers[m].name == world:
+            continue
         free |= {f"{data.markers[m].name}.{part}" for part in parts}
     for s in np.unique(table.sensor).tolist():
         info = data.sensors[s]
@@ -322,10 +324,25 @@ def _world_of(data: BodyDataset, description: Description | None) -> str:
     for names in (trackers, flanges, cameras):
         if names:
             return names[0]
+    if (tag := standing_tag(data)) is not None:
+        return tag
     raise DataError(
         "nothing stands still in the world that could tell where the body is: no tracker, camera "
-        "or flange is on 'world'; give the robot's description"
+        "or flange is on 'world', nor a marker whose poses a sensor tells; give the robot's "
+        "description"
     )
+
+
+def standing_tag(data: BodyDataset) -> str | None:
+    """Return the marker on the world whose poses sensors told most often; None where there is none.
+
+    Of a body that carries its sensors it stands for the world where nothing else does.
+    """
+    table = data.observations
+    posed = np.array([sensor.kind == POSES for sensor in data.sensors])[table.sensor]
+    standing = np.array([marker.on == WORLD_NAME for marker in data.markers])[table.marker]
+    counts = np.bincount(table.marker[posed & standing], minlength=1)
+    return data.markers[int(counts.argmax())].name if counts.any() else None
 
 
 def _scale_from(

@@ -66,6 +66,30 @@ def body_from_carried_cameras(
         for rows in observations.sensors
         if rows.kind == CAMERA
     ]
+    seen = _reconstructed_by_all(data, blank, placed)
+    whole = body_by_carried(data, blank, placed, [seen], seed)
+    located = np.unique(np.append(seen.marker, np.flatnonzero(known_places(data))))
+    by_name = {item.rows.name: item.rows for item in placed}
+    return with_others(data, whole, by_name, list(by_name), located, seed)
+
+
+def body_by_carried(
+    data: BodyDataset,
+    blank: BodyTree,
+    placed: Sequence[PlacedCamera],
+    others: Sequence[SeenPoints],
+    seed: int,
+) -> BodyTree:
+    """Return a body whose joints and sensors are where these were at many samples.
+
+    Args:
+        blank: The body with nothing known of its geometry.
+        placed: Where sensors on its links were.
+        others: Markers in space.
+
+    Raises:
+        DataError: If a link's points are too few for its joints.
+    """
     sensors = [blank.sensors[_sensor(blank, data, item.rows)] for item in placed]
     first = len(blank.markers)
     corners = [
@@ -76,8 +100,7 @@ def body_from_carried_cameras(
     extended = replace(data, markers=(*data.markers, *infos))
     tree = blank.with_markers((*blank.markers, *corners))
     points = [_corners(item, first + 3 * c) for c, item in enumerate(placed)]
-    points.append(_reconstructed_by_all(data, blank, placed))
-    found = body_from_points(extended, tree, _all_of(points), seed)
+    found = body_from_points(extended, tree, _all_of([*points, *others]), seed)
     places = {}
     for c, sensor in enumerate(sensors):
         p = np.array([m.X_LA[:3, 3] for m in found.markers[first + 3 * c : first + 3 * c + 3]])
@@ -85,10 +108,7 @@ def body_from_carried_cameras(
         places[sensor.name] = transform(
             nearest_rotation(np.column_stack([x, y, np.cross(x, y)])), p[0]
         )
-    located = np.unique(np.concatenate([points[-1].marker, np.flatnonzero(known_places(data))]))
-    by_name = {item.rows.name: item.rows for item in placed}
-    whole = with_sensors(found.with_markers(found.markers[:first]), places)
-    return with_others(data, whole, by_name, list(places), located, seed)
+    return with_sensors(found.with_markers(found.markers[:first]), places)
 
 
 def _check_seen(data: BodyDataset, blank: BodyTree) -> None:

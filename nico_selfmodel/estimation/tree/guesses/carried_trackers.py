@@ -1,6 +1,7 @@
 """Trackers that links carry, of markers whose places nobody knows."""
 
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,12 +10,15 @@ from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.sensors import POSES
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.tree.guesses.by_first_body import (
+    with_orientations,
     with_sensors,
     with_tracker,
 )
+from nico_selfmodel.estimation.tree.guesses.carried_cameras import PlacedCamera, body_by_carried
 from nico_selfmodel.estimation.tree.guesses.flange_guess import with_markers_seen_by
 from nico_selfmodel.estimation.tree.guesses.hand_eye import HandEye
-from nico_selfmodel.estimation.tree.tree_observations import SensorRows
+from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
+from nico_selfmodel.estimation.tree.tree_setup import standing_tag
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.tree.body_tree import WORLD_NAME, Attached, BodyTree
@@ -40,6 +44,37 @@ def with_carried_tracker(data: BodyDataset, tree: BodyTree, rows: SensorRows) ->
             return with_tracker(data, tree, rows)
         at = _by_turns(data, tree, rows, m)
         return with_markers_seen_by(data, with_sensors(tree, {rows.name: at}), rows)
+    return None
+
+
+def body_from_carried_poses(
+    data: BodyDataset, blank: BodyTree, observations: TreeObservations, seed: int
+) -> BodyTree | None:
+    """Return a body from nothing by a sensor that it carries, of poses of what stands.
+
+    The tag that stands for the world sees the sensor as the sensor sees it: X_WS = M^-1.
+
+    Args:
+        blank: The body with nothing known of its geometry.
+
+    Returns:
+        None where no sensor tells poses of that tag.
+
+    Raises:
+        DataError: If these are too few for the joints.
+    """
+    name = standing_tag(data)
+    for rows in observations.sensors:
+        own = rows.kind == POSES and rows.marker == (
+            -1 if name is None else blank.marker_index(name)
+        )
+        if not np.any(own):
+            continue
+        M = transform(rotation_from_vector(rows.measured[own, 3:]), rows.measured[own, :3])
+        placed = PlacedCamera(rows, dict(zip(rows.pose[own].tolist(), inverse(M), strict=True)))
+        tree = with_markers_seen_by(data, body_by_carried(data, blank, [placed], [], seed), rows)
+        at_world = [replace(m, X_LA=np.eye(4)) if m.name == name else m for m in tree.markers]
+        return with_orientations(data, tree.with_markers(tuple(at_world)), observations)
     return None
 
 

@@ -31,7 +31,10 @@ from nico_selfmodel.estimation.tree.guesses.carried_cameras import (
     reconstructed_by,
     with_known_links,
 )
-from nico_selfmodel.estimation.tree.guesses.carried_trackers import with_carried_tracker
+from nico_selfmodel.estimation.tree.guesses.carried_trackers import (
+    body_from_carried_poses,
+    with_carried_tracker,
+)
 from nico_selfmodel.estimation.tree.guesses.carrying_joints import with_carrying_joints
 from nico_selfmodel.estimation.tree.guesses.flange_guess import from_flange
 from nico_selfmodel.estimation.tree.guesses.lost_joints import before_known_joints, with_lost_joints
@@ -118,6 +121,8 @@ def _from_nothing(
     elif len(cameras) == 1 and any(m.xyz is not None for m in data.markers):
         ((name, rows),) = cameras.items()
         places, points = {name: np.eye(4)}, points_on_known_links(data, blank, rows, seed)
+    elif not cameras and (tree := body_from_carried_poses(data, blank, observations, seed)):
+        return tree
     else:
         _refuse_cameras(data, cameras)
     tree = _by_cameras(data, blank, cameras, places, points, seed)
@@ -134,7 +139,7 @@ def _refuse_cameras(data: BodyDataset, standing: Mapping[str, SensorRows]) -> No
         raise DataError(
             f"no camera stands in the world, of {listed(carried)}, and nothing tells where they "
             "moved: let them see six markers or more whose places in the room are known (xyz), or "
-            "give the robot's description"
+            "tell whole poses of a tag there (kind 'poses'), or give the robot's description"
         )
     raise DataError(
         "one camera alone cannot tell a body from nothing: give the robot's description, "
