@@ -82,6 +82,19 @@ def test_an_arm_that_is_read_in_counts_says_how_its_readings_were_taken_wrongly(
     assert document["causes"] == []
 
 
+@pytest.mark.parametrize(("fitting", "told"), [(0.8, True), (0.7, False)])
+def test_mended_readings_fit_in_three_of_four_poses(fitting, told):
+    readings = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 2))
+
+    def off_by(tried):
+        right = np.allclose(tried, readings[:, ::-1])
+        return np.where(np.arange(100) < 100 * fitting, 1.0 if right else 30.0, 1e4)
+
+    read = ReadPoses(("a", "b"), ("deg", "deg"), np.arange(20), readings, off_by)
+    words = read.misread(np.arange(20))
+    assert (words == "the readings of a and b are exchanged; then the poses fit") == told
+
+
 def test_columns_of_joints_that_are_read_in_other_units_may_be_exchanged():
     readings = np.random.default_rng(2).uniform(-60.0, 60.0, (20, 3)) * [30.0, 1.0, 1.0]
 

@@ -21,7 +21,10 @@ ENOUGH = 16
 """Poses by which readings that are mended are judged."""
 _GROSS, _FITS = 25.0, 4.0
 """Squared innovation of a coordinate, of the middle pose, from which on readings may be wrong, and
-up to which mended ones are right: noise may have become twice as loud."""
+up to which mended ones are right in three of four poses: noise may have become twice as loud."""
+_MOST = 0.75
+"""Share of the poses that mended readings must fit: where they put a hand far off, before a camera
+or behind it, half of the poses may be anywhere, and so far off is no innovation."""
 _SHIFTS = (-1, 1, -2, 2)
 
 
@@ -46,18 +49,18 @@ class ReadPoses:
         Args:
             against: Numbers of the poses that contradict the body. Shape (Q,).
         """
-        if not self._middle(self.readings) > _GROSS:
+        if not self._off(self.readings, 0.5) > _GROSS:
             return None
-        tried = [(self._middle(mended), words) for words, mended in self._ways()]
+        tried = [(self._off(mended, _MOST), words) for words, mended in self._ways()]
         least, words = min(tried, default=(np.inf, ""))
         if least <= _FITS:
             return f"{words}; then the poses fit"
         return self._stuck(against)
 
-    def _middle(self, readings: NDArray) -> float:
-        """Return how far off the middle pose is; inf where the body cannot be asked."""
+    def _off(self, readings: NDArray, share: float) -> float:
+        """Return how far off such a share of the poses is at most; inf where none can be asked."""
         try:
-            return float(np.median(self.off_by(readings)))
+            return float(np.quantile(self.off_by(readings), share))
         except SelfModelError:
             return np.inf
 
