@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from nico_selfmodel.estimation.monitoring.body_health import check_body_health
 from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.estimation.monitoring.health_document import health_document
-from nico_selfmodel.estimation.monitoring.misread import ReadPoses
+from nico_selfmodel.estimation.monitoring.misread import ReadPoses, off_by_mended
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_result import body_model
 
@@ -93,6 +94,17 @@ def test_mended_readings_fit_in_three_of_four_poses(fitting, told):
     read = ReadPoses(("a", "b"), ("deg", "deg"), np.arange(20), readings, off_by)
     words = read.misread(np.arange(20))
     assert (words == "the readings of a and b are exchanged; then the poses fit") == told
+
+
+def test_a_pose_that_is_further_off_than_any_was_as_read_does_not_fit():
+    def read(readings):
+        far = np.where(np.arange(4)[:, None] < 2, readings[:4], 1e7 * (readings[:4] - 10.0))
+        dof = np.ones(4, dtype=int)
+        return SimpleNamespace(residuals=far, dof=dof, innovations=np.full(4, 0.1))
+
+    off_by = off_by_mended(read, lambda poses: poses.innovations, np.full((4, 1), 10.0))
+    assert off_by(np.full((4, 1), 10.0)).tolist() == [0.1] * 4
+    assert off_by(np.full((4, 1), -9.0)).tolist() == [0.1, 0.1, np.inf, np.inf]
 
 
 def test_columns_of_joints_that_are_read_in_other_units_may_be_exchanged():

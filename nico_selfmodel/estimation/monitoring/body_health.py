@@ -12,7 +12,7 @@ from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.monitoring.body_causes import body_causes, body_changes
 from nico_selfmodel.estimation.monitoring.encoder_jumps import SlipSearch
 from nico_selfmodel.estimation.monitoring.health import HealthReport, innovations, watched
-from nico_selfmodel.estimation.monitoring.misread import ReadPoses, some_of
+from nico_selfmodel.estimation.monitoring.misread import ReadPoses, off_by_mended, some_of
 from nico_selfmodel.estimation.noise.contradictions import (
     LEAST_SHARE,
     Contradictions,
@@ -76,12 +76,13 @@ def _read_poses(
     since = np.flatnonzero(data.sample == report.sample[report.changed_at or 0])
     few = some_of(int(since[0]), len(data.sample))
 
-    def off_by(readings: NDArray) -> NDArray:
+    def read(readings: NDArray) -> PoseResiduals | None:
         found = white_poses(model, replace(data, readings=readings).select(few))
-        return np.zeros(0) if found is None else innovations(found[0], report.noise, covariance)
+        return None if found is None else found[0]
 
-    units = tuple(joint.encoder_unit for joint in data.joints)
-    return ReadPoses(data.joint_names, units, data.sample, np.asarray(data.readings), off_by)
+    units, readings = tuple(joint.encoder_unit for joint in data.joints), np.asarray(data.readings)
+    off_by = off_by_mended(read, lambda p: innovations(p, report.noise, covariance), readings)
+    return ReadPoses(data.joint_names, units, data.sample, readings, off_by)
 
 
 def _false_share(detections: NDArray) -> float:

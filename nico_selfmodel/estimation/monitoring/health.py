@@ -25,7 +25,7 @@ from nico_selfmodel.estimation.monitoring.diagnosis import (
 )
 from nico_selfmodel.estimation.monitoring.encoder_jumps import slips_of_arm
 from nico_selfmodel.estimation.monitoring.misfit import Misfit
-from nico_selfmodel.estimation.monitoring.misread import ReadPoses, some_of
+from nico_selfmodel.estimation.monitoring.misread import ReadPoses, off_by_mended, some_of
 from nico_selfmodel.estimation.monitoring.monitor import THRESHOLD, Monitor, chance_of_false_alarm
 from nico_selfmodel.estimation.monitoring.monitored_changes import (
     MonitoredChanges,
@@ -138,13 +138,13 @@ def _read_poses(
     since = int(np.searchsorted(numbers, report.sample[report.changed_at or 0]))
     few = some_of(since, len(numbers))
 
-    def off_by(readings: NDArray) -> NDArray:
+    def read(readings: NDArray) -> PoseResiduals:
         mended = replace(dataset, encoders=readings[row]).select(few[row])
-        poses = PoseResiduals.of(hand_observations_of(model, mended, sensor))
-        return innovations(poses, report.noise, covariance)
+        return PoseResiduals.of(hand_observations_of(model, mended, sensor))
 
-    units = tuple(joint.encoder_unit for joint in dataset.joints)
-    return ReadPoses(dataset.joint_names, units, numbers, dataset.encoders[first], off_by)
+    units, readings = tuple(joint.encoder_unit for joint in dataset.joints), dataset.encoders[first]
+    off_by = off_by_mended(read, lambda p: innovations(p, report.noise, covariance), readings)
+    return ReadPoses(dataset.joint_names, units, numbers, readings, off_by)
 
 
 def innovations(poses: PoseResiduals, noise: NoiseMixture, covariance: NDArray) -> NDArray:

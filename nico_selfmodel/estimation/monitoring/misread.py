@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.estimation.diagnosis.mistaken_units import OTHER_UNIT
 from nico_selfmodel.estimation.diagnosis.suspected_readings import LateReadings
+from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 from nico_selfmodel.estimation.observations.outlier_words import stuck_encoder
 
 ENOUGH = 16
@@ -60,7 +61,7 @@ class ReadPoses:
     def _off(self, readings: NDArray, share: float) -> float:
         """Return how far off such a share of the poses is at most; inf where none can be asked."""
         try:
-            return float(np.quantile(self.off_by(readings), share))
+            return float(np.quantile(self.off_by(readings), share, method="higher"))
         except SelfModelError:
             return np.inf
 
@@ -99,6 +100,38 @@ class ReadPoses:
         off = np.isin(self.sample, against)
         words = stuck_encoder(self.joints, self.units, self.readings, self.sample, off)
         return f"{len(against)} poses contradict the body, {words}" if words else None
+
+
+def off_by_mended(
+    read: Callable[[NDArray], PoseResiduals | None],
+    innovations: Callable[[PoseResiduals], NDArray],
+    readings: NDArray,
+) -> Callable[[NDArray], NDArray]:
+    """Return `ReadPoses.off_by`: a pose fits only if it is no further off than any was as read.
+
+    Where mended readings put a hand before a camera or behind it, slopes are so large that nothing
+    is an innovation.
+
+    Args:
+        read: Residuals of a few poses, had all been read so: (P, n) -> K poses; None if nothing is
+            seen then.
+        innovations: Their squared innovations a coordinate, of those that show something.
+        readings: As they were read. Shape (P, n).
+    """
+
+    def far(poses: PoseResiduals) -> NDArray:
+        return np.abs(poses.residuals[poses.dof > 0]).max(axis=1, initial=0.0)
+
+    plain = read(readings)
+    limit = np.inf if plain is None else float(far(plain).max(initial=0.0))
+
+    def off_by(mended: NDArray) -> NDArray:
+        poses = read(mended)
+        if poses is None:
+            return np.zeros(0)
+        return np.where(far(poses) > limit, np.inf, innovations(poses))
+
+    return off_by
 
 
 def some_of(first: int, count: int) -> NDArray:
