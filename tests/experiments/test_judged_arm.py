@@ -208,13 +208,17 @@ def test_a_spot_whose_middle_lies_beside_the_arm_is_on_it(beside, own):
 
 
 @pytest.mark.parametrize("moved", [True, False])
-def test_links_of_the_arm_may_stand_beside_where_it_was_learned(moved):
+def test_links_of_arm_and_trunk_may_stand_beside_where_they_are_known_to_and_a_head_does_not(moved):
+    links = LINKS | {1: "head"}
     image = SimpleNamespace(
-        moving=frozenset({ARM, HAND}), links=LINKS, surfaces={},
-        poses=lambda readings: dict.fromkeys(LINKS.values(), np.eye(4)),
+        moving=frozenset({ARM, HAND}), links=links, surfaces={},
+        poses=lambda readings: dict.fromkeys(links.values(), np.eye(4)),
     )  # fmt: skip
-    known = SimpleNamespace(mirrors=("m",), covariance=np.diag([1e-6] * 9), motions=lambda _: ())
+    motions = ((None, frozenset({"head"})), (None, frozenset(links.values())))
+    known = SimpleNamespace(
+        mirrors=("m",), covariance=np.diag([1e-6] * 9), motions=lambda _: motions
+    )
     look = SimpleNamespace(readings=np.zeros(1), arm=seen() if moved else None)
     body = MarkFinder(image, known)._body("m", look)
     arm = {"arm": LINK_SIGMA, "hand": LINK_SIGMA} if moved else {}  # else it is nowhere
-    assert dict(body.place_sigma) == {"chest": 0.0, **arm}
+    assert dict(body.place_sigma) == {"head": 0.0, "chest": LINK_SIGMA, **arm}

@@ -182,7 +182,7 @@ LOOSE_JOINTS = f"{np.degrees(LOOSE):.1f} deg: given"
 SET_SHOULDER = f"{1e3 * SHOULDER:g} mm: set on robots 1893 and 1912"
 SET_EDGE = f"{EDGE:g} grey levels from pixel to pixel: set on robots 1893 and 1912"
 SET_ARM = f"{1e3 * MOVING:g} mm: set on robots 1893 and 1894"
-SET_LINK = f"{1e3 * LINK_SIGMA:g} mm: set on robots 1934 to 1951"
+SET_LINK = f"{1e3 * LINK_SIGMA:g} mm: set on robots 1934 to 1951, 1973 to 1985"
 TURNED_TO_LIGHT = f"{np.degrees(TURNED):g} deg: given"
 SET_POSES = f"{1e3 * TURN:g} mrad, {1e3 * SHIFT:g} mm: set on robots 1893 and 1912"
 SEEN_BESIDE = f"{1e3 * SEEN_ON:g} mm: set on robot 1893"
@@ -225,7 +225,7 @@ def _given() -> Table:
         ["what is an edge of its arm", SET_EDGE],
         ["how its arm stands in a look, where its finger came to", "seen, by the arm's edges"],
         ["what places of its arm's links are not known by in pictures", SET_ARM],
-        ["where a link of its arm stands beside where it is known to, for a mark", SET_LINK],
+        ["where its arm's links and its trunk stand beside where known to, for a mark", SET_LINK],
         ["how a link of its arm may be turned to the light", TURNED_TO_LIGHT],
         ["by what its arm is wrong beside its joints' noise, for a shape", SET_POSES],
         ["how far beside a mark it is seen and goes again", SEEN_BESIDE],

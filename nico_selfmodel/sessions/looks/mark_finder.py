@@ -54,9 +54,10 @@ DISC_SIGMA = 0.03
 """What the disc of paint in each picture is not known by by itself, besides its fit; set on robot
 1846 [px]."""
 LINK_SIGMA = 1e-4
-"""What the place of a mark on the arm is not known by besides, each coordinate: where the learned
-arm has the frame of the link that it is on, alike in all looks, another for each robot; set on 33
-places of robots 1934 to 1951 [m]."""
+"""What the place of a mark on the arm or the trunk is not known by besides, each coordinate: where
+the learned arm, or the search for how the body stands, has the frame of the link that it is on,
+alike in all looks, another for each robot; set on 33 places on arms of robots 1934 to 1951, and on
+49 on chests of 1973 to 1979, 1984 and 1985 [m]."""
 
 Pair = tuple[MirrorLook, MirrorLook]
 Told = list[tuple[Spot, bool]]
@@ -328,15 +329,15 @@ class MarkFinder:
             own = image.surfaces[link].solids if link in image.surfaces else ()
             solids += [Solid(one.kind, one.size, X_WF @ one.X_FS) for one in own]
             links += [link] * len(own)
-        # What stands is known as well as its pictures tell, which its covariance says.
-        place_sigma = dict.fromkeys(poses, 0.0)
-        if arm is not None:
-            place_sigma |= dict.fromkeys((image.links[k] for k in image.moving), LINK_SIGMA)
+        # A head is known as well as its pictures tell, which its covariance says.
+        ways = known.motions(image)
+        turned = {link for motion, moved in ways if len(moved) < len(image.links) for link in moved}
+        arm_links = {image.links[number] for number in image.moving}
+        place_sigma = {link: 0.0 if link in turned - arm_links else LINK_SIGMA for link in poses}
         m = 3 * known.mirrors.index(name)
         rows = [*range(m, m + 3), *range(3 * len(known.mirrors), len(known.covariance))]
         covariance = known.covariance[np.ix_(rows, rows)]
         loose = ((), np.zeros((0, 0))) if arm is None else (arm.motions, arm.covariance)
-        ways = known.motions(image)
         return PosedBody(solids, links, poses, ways, covariance, place_sigma, *loose)
 
 
