@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.monitoring.body_health import check_body_health
 from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.estimation.monitoring.health_document import health_document
@@ -102,9 +103,23 @@ def test_a_pose_that_is_further_off_than_any_was_as_read_does_not_fit():
         dof = np.ones(4, dtype=int)
         return SimpleNamespace(residuals=far, dof=dof, innovations=np.full(4, 0.1))
 
+    def broken(readings):
+        raise DataError("nothing was seen")
+
+    off_by_mended(broken, len, np.zeros((4, 1)))  # of a healthy body nothing is asked
     off_by = off_by_mended(read, lambda poses: poses.innovations, np.full((4, 1), 10.0))
     assert off_by(np.full((4, 1), 10.0)).tolist() == [0.1] * 4
     assert off_by(np.full((4, 1), -9.0)).tolist() == [0.1, 0.1, np.inf, np.inf]
+
+
+def test_poses_that_show_nothing_once_they_are_mended_do_not_fit():
+    readings = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 2))
+
+    def off_by(tried):
+        return np.full(5, 30.0) if np.array_equal(tried, readings) else np.zeros(0)
+
+    read = ReadPoses(("a", "b"), ("deg", "deg"), np.arange(20), readings, off_by)
+    assert read.misread(np.arange(20)) is None
 
 
 def test_columns_of_joints_that_are_read_in_other_units_may_be_exchanged():

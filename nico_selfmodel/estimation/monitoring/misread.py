@@ -7,6 +7,7 @@ readings are usually taken wrongly, that one is told with which the poses are of
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -61,9 +62,10 @@ class ReadPoses:
     def _off(self, readings: NDArray, share: float) -> float:
         """Return how far off such a share of the poses is at most; inf where none can be asked."""
         try:
-            return float(np.quantile(self.off_by(readings), share, method="higher"))
+            off = self.off_by(readings)
         except SelfModelError:
             return np.inf
+        return float(np.quantile(off, share, method="higher")) if len(off) else np.inf
 
     def _ways(self) -> Iterator[tuple[str, NDArray]]:
         """Yield what may be wrong with the readings, and these mended."""
@@ -122,14 +124,16 @@ def off_by_mended(
     def far(poses: PoseResiduals) -> NDArray:
         return np.abs(poses.residuals[poses.dof > 0]).max(axis=1, initial=0.0)
 
-    plain = read(readings)
-    limit = np.inf if plain is None else float(far(plain).max(initial=0.0))
+    @cache
+    def limit() -> float:  # nobody asks of a body that is healthy
+        plain = read(readings)
+        return np.inf if plain is None else float(far(plain).max(initial=0.0))
 
     def off_by(mended: NDArray) -> NDArray:
         poses = read(mended)
         if poses is None:
             return np.zeros(0)
-        return np.where(far(poses) > limit, np.inf, innovations(poses))
+        return np.where(far(poses) > limit(), np.inf, innovations(poses))
 
     return off_by
 
