@@ -109,6 +109,20 @@ def test_the_tag_seen_most_stands_for_the_world_where_nothing_else_does():
     assert standing_tag(replace(data, markers=carried)) is None
 
 
+@pytest.mark.parametrize("kind", ["poses", "points"])
+def test_a_marker_of_known_place_stays_where_it_is_told(kind):
+    sim = before_tags(2, kind)
+    told = tuple(replace(m, xyz=(0.0, 0.0, 0.0)) if m.name == "t3" else m for m in sim.data.markers)
+    data = replace(sim.data, markers=told)
+    few = data.of_rows((data.observations.marker != 3) | (data.observations.pose < 20))
+    (rows,) = TreeObservations.of(few).sensors
+    before = unplaced(sim, 2, 0.0, 0.0).tree
+    placed = with_carried_tracker(few, before, rows)
+    assert placed is not None
+    np.testing.assert_array_equal(placed.markers[3].X_LA, before.markers[3].X_LA)
+    assert np.linalg.norm(placed.markers[0].X_LA[:3, 3]) > 0.5
+
+
 def test_one_that_stands_or_sees_known_places_is_left_to_them():
     sim = before_tags(1, "points")
     (rows,) = TreeObservations.of(sim.data).sensors

@@ -41,9 +41,14 @@ def with_carried_tracker(data: BodyDataset, tree: BodyTree, rows: SensorRows) ->
         return None
     with suppress(DataError):
         if rows.kind != POSES:
-            return with_tracker(data, tree, rows)
-        at = _by_turns(data, tree, rows, m)
-        return with_markers_seen_by(data, with_sensors(tree, {rows.name: at}), rows)
+            found = with_tracker(data, tree, rows)
+        else:
+            placed = with_sensors(tree, {rows.name: _by_turns(data, tree, rows, m)})
+            found = with_markers_seen_by(data, placed, rows)
+        every = zip(data.markers, tree.markers, found.markers, strict=True)
+        return found.with_markers(
+            tuple(new if one.xyz is None else told for one, told, new in every)
+        )
     return None
 
 
