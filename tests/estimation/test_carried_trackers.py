@@ -123,6 +123,19 @@ def test_a_marker_of_known_place_stays_where_it_is_told(kind):
     assert np.linalg.norm(placed.markers[0].X_LA[:3, 3]) > 0.5
 
 
+def test_a_marker_that_is_called_like_a_described_base_is_learned_like_any_other():
+    sim = before_tags(2, "poses", count=2)
+    called = {"t1": "base"}
+    infos = tuple(replace(m, name=called.get(m.name, m.name)) for m in sim.data.markers)
+    tree = sim.tree.with_markers(
+        tuple(replace(m, name=called.get(m.name, m.name)) for m in sim.tree.markers)
+    )
+    named = Simulated(tree, replace(sim.data, markers=infos), sim.readings_true)
+    found = calibrate_tree(named.data, description=unplaced(named, 2, 0.2, 1.0), effects=())
+    assert found.setup.world == "base"
+    assert "base.x" in found.setup.free
+
+
 def test_one_that_stands_or_sees_known_places_is_left_to_them():
     sim = before_tags(1, "points")
     (rows,) = TreeObservations.of(sim.data).sensors

@@ -244,7 +244,7 @@ def setup_of(
     for m in np.unique(np.append(table.marker, table.other[table.other >= 0])).tolist():
         turned = posed[table.marker == m].any()
         parts = (*(TURNS if turned else ()), *(() if data.markers[m].xyz else SHIFTS))
-        if data.markers[m].name == world:
+        if description is None and data.markers[m].name == world:
             continue
         free |= {f"{data.markers[m].name}.{part}" for part in parts}
     for s in np.unique(table.sensor).tolist():
