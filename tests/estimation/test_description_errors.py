@@ -321,6 +321,10 @@ def test_parallel_axes_have_a_distance_and_nothing_along_them():
     first = np.eye(3)[:1].T
     along = replace(one, points=one.points + first * [0.0, 0.0, 0.3])
     assert odd_axes(one, along) is None
+    leaning = one.directions + first * [np.tan(np.radians(5.0)), 0.0, 0.0]
+    leaning /= np.linalg.norm(leaning, axis=1, keepdims=True)
+    slant = replace(one, directions=leaning, points=one.points - first * [0.0, 0.0, 0.8])
+    assert odd_axes(one, slant) is None  # how far they pass each other is told nowhere
     beside = replace(one, points=one.points + first * [0.1, 0.0, 0.0])
     assert "'a' and 'b' pass each other by 200 mm there, 100 as learned" in odd_axes(one, beside)
 

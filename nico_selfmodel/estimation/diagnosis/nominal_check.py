@@ -34,8 +34,9 @@ _LEFT_OVER, _LEFT_OF_SMALL = 0.3, 0.2
 """Part of the distances between axes that may remain after scaling, and of small ones."""
 _TURNED, _SHIFTED = np.radians(10.0), 0.03
 """Angles of axes, and distances, that are off by more are no tolerance [rad, m]."""
-_PARALLEL = np.radians(10.0)
-"""Axes that are nearer to parallel have common normals anywhere."""
+_PARALLEL, _CROSSED = np.radians(2.0), np.radians(10.0)
+"""Angles of axes up to which they are as far apart anywhere, and from which on it is told where
+their common normal lies; between the two neither is."""
 
 
 @dataclass(frozen=True)
@@ -187,10 +188,10 @@ def _compared(one: Chain, other: Chain) -> Iterator[tuple[str, list[float], floa
         pair = f"axes of {one.joints[i]!r} and {one.joints[i + 1]!r}"
         angles = [axes.angle(i) for axes in alike]
         yield f"{pair} enclose", angles, _TURNED, "deg"
-        if abs(angles[0] - angles[1]) <= _TURNED:
+        if max(angles) <= _PARALLEL or min(angles) > _CROSSED:
             yield f"{pair} pass each other by", [a.distance(i) for a in alike], _SHIFTED, "mm"
     for i in range(1, n - 1):
-        if all(min(a.angle(i - 1), a.angle(i)) > _PARALLEL for a in alike):
+        if all(min(a.angle(i - 1), a.angle(i)) > _CROSSED for a in alike):
             along = f"along {one.joints[i]!r} its neighbours are"
             yield along, [a.offset(i) for a in alike], _SHIFTED, "mm"
 

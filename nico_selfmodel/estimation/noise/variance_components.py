@@ -162,7 +162,7 @@ class VarianceSearch:
         return 0.5 * float(score @ self._solved(x, held, score, information))
 
     def expected(self, found: Variances) -> Variances:
-        """Return variances of sensors as they are in the mean, given residuals that tell little.
+        """Return variances as they are in the mean, given residuals that tell little.
 
         A variance that nu freedoms tell is nu / (nu - 2) times the likeliest in the mean (inverse
         chi-square; Gelman et al. 2013, 3.2), and that of its logarithm is 2 / nu.

@@ -56,8 +56,8 @@ DISC_SIGMA = 0.03
 LINK_SIGMA = 1e-4
 """What the place of a mark on the arm or the trunk is not known by besides, each coordinate: where
 the learned arm, or the search for how the body stands, has the frame of the link that it is on,
-alike in all looks, another for each robot; set on 33 places on arms of robots 1934 to 1951, and on
-49 on chests of 1973 to 1979, 1984 and 1985 [m]."""
+alike in all looks, another for each robot; set on 33 places on arms of robots 1934 to 1951, and
+taken for the trunk, too, on 49 on chests of 1973 to 1979, 1984 and 1985 [m]."""
 
 Pair = tuple[MirrorLook, MirrorLook]
 Told = list[tuple[Spot, bool]]

@@ -140,7 +140,7 @@ class _GroupedSearch:
         return replace(found, sensor=found.sensor[self.sensors])
 
     def expected(self, found: Variances) -> Variances:
-        """Return variances of sensors as they are in the mean: see `VarianceSearch.expected`."""
+        """Return variances as they are in the mean: see `VarianceSearch.expected`."""
         first = np.unique(self.sensors, return_index=True)[1]
         mean = self.search.expected(replace(found, sensor=found.sensor[first]))
         return replace(mean, sensor=mean.sensor[self.sensors])
