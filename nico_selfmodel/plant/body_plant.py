@@ -1,5 +1,6 @@
 """A learned body, a tree of joints with markers and sensors, in a Drake plant."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,7 +27,12 @@ from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import listed, refuse_unknown
 from nico_selfmodel.plant.frames import add_frame, frame_names
 from nico_selfmodel.plant.kinematic_tree import rigid
-from nico_selfmodel.plant.model_in_plant import ModelInPlant, check_open, parent_frame
+from nico_selfmodel.plant.model_in_plant import (
+    ModelInPlant,
+    check_finite,
+    check_open,
+    parent_frame,
+)
 
 _Z = [0.0, 0.0, 1.0]
 _GREY, _THICKNESS = [0.55, 0.62, 0.70, 1.0], 0.06
@@ -130,13 +136,16 @@ class BodyPlant(ModelInPlant):
             model: Whose gears and coupling to use; those of the plant's body if omitted.
 
         Raises:
-            ValueError: If `readings` is not n numbers, or a flange's pose is missing.
+            ValueError: If `readings` is not n finite numbers, or a flange's pose is missing.
         """
         tree, n = self.tree if model is None else model.tree, len(self.tree.joints)
         readings = np.asarray(readings)
         if readings.shape != (n,):
             raise ValueError(f"readings must have shape ({n},), got {readings.shape}")
+        check_finite(tree.joints, readings)
         turning = [i for i in range(n) if tree.motions[i] != FLANGE]
+        carried = sorted(set(range(n)) - set(turning))
+        _check_flanges(tree, carried, flanges)
         q = tree.displacements(readings)
         if tree.bending is not None:
             motion = TreeMotion.at(tree, readings[None], None if flanges is None else flanges[None])
@@ -144,9 +153,8 @@ class BodyPlant(ModelInPlant):
             self._give_way(context, tree, motion)
         self.move_joints(context, [tree.joints[i] for i in turning], q[turning])
         own = self.own_context(context)
-        for i in sorted(set(range(n)) - set(turning)):
-            if flanges is None or np.shape(flanges) != (n, 4, 4):
-                raise ValueError(f"joint {tree.joints[i]!r} is a flange: give flanges, (n, 4, 4)")
+        for i in carried:
+            assert flanges is not None
             joint: Any = self.plant.GetJointByName(tree.joints[i], self.instance)
             joint.SetPose(own, self.rigid(flanges[i]))
 
@@ -168,6 +176,16 @@ class BodyPlant(ModelInPlant):
             names = [item.name for item in (*self.tree.markers, *self.tree.sensors)]
             refuse_unknown("marker or sensor", name, names)
         return self.plant.GetFrameByName(name, self.instance)
+
+
+def _check_flanges(tree: BodyTree, carried: Sequence[int], flanges: NDArray | None) -> None:
+    """Refuse flanges, joints of these numbers, whose poses are not there, or not finite."""
+    for i in carried:
+        where = f"joint {tree.joints[i]!r} is a flange"
+        if flanges is None or np.shape(flanges) != (len(tree.joints), 4, 4):
+            raise ValueError(f"{where}: give flanges, (n, 4, 4)")
+        if not np.isfinite(flanges[i]).all():
+            raise ValueError(f"{where}: its pose must be finite")
 
 
 def _joint(name: str, motion: str, F: Frame, link: Frame) -> Joint:

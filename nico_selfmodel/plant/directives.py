@@ -33,6 +33,7 @@ from nico_selfmodel.model.self_model_file import load_model
 from nico_selfmodel.model.tree.body_model import BODY_FILE, load_body
 from nico_selfmodel.names import listed
 from nico_selfmodel.plant.body_plant import BodyPlant
+from nico_selfmodel.plant.collision_groups import CollisionGroup, filter_collisions
 from nico_selfmodel.plant.description import ArmDescription
 from nico_selfmodel.plant.self_model_plant import SelfModelPlant
 
@@ -66,6 +67,7 @@ def add_directives(path: str | Path, parser: Parser) -> dict[str, Learned]:
     if plant.is_finalized():
         raise ModelError(f"{path}: the plant is finalized already: add models before Finalize()")
     robots: dict[str, Learned] = {}
+    groups: list[CollisionGroup] = []
 
     def lead(key: str, value: str) -> str:
         if key == "file" and "://" not in value:
@@ -84,28 +86,32 @@ def add_directives(path: str | Path, parser: Parser) -> dict[str, Learned]:
                 name, robot = _add_self_model(plant, path.parent, entry, f"{where}, {OWN}")
                 robots[name] = robot
             else:
-                _process(item, parser)
+                groups += _process(item, parser, where)
         except DataError as error:
             raise ModelError(str(error)) from error
         except (RuntimeError, ValueError) as error:
             reason = " ".join(str(error).split()).removeprefix("error: ")
             raise ModelError(f"{where}: {reason}") from error
+    filter_collisions(groups, parser)
     return robots
 
 
-def _process(item: str, parser: Parser) -> None:
-    """Let Drake add what one directive of its own names."""
+def _process(item: str, parser: Parser, where: str) -> list[CollisionGroup]:
+    """Let Drake add what one directive of its own names; return a group of what is there then."""
     lines = item.replace("\n", "\n  ")
     loaded = LoadModelDirectivesFromString(f"directives:\n- {lines}")
-    weld = loaded.directives[0].add_weld
+    group, weld = loaded.directives[0].add_collision_filter_group, loaded.directives[0].add_weld
+    if group is not None:
+        return [CollisionGroup.of(group, where)]
     if weld is None:
         ProcessModelDirectives(loaded, parser)
-        return
+        return []
     # Drake (1.51) ends the process over a weld whose child is not of the same call.
     plant = parser.plant()
     parent, child = (GetScopedFrameByName(plant, name) for name in (weld.parent, weld.child))
     X_PC = RigidTransform() if weld.X_PC is None else weld.X_PC.GetDeterministicValue()
     plant.WeldFrames(parent, child, X_PC)
+    return []
 
 
 def _add_self_model(

@@ -1,6 +1,6 @@
 """What is learned, in a plant: its contexts, whatever their numbers, and what they are told."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -56,10 +56,11 @@ class ModelInPlant:
         Raises:
             ValueError: If the context belongs neither to the plant nor to its diagram.
         """
-        if self._is_own(context):
+        if context is not None and self._is_own(context):
             return context
         try:
-            own = self.plant.GetMyMutableContextFromRoot(context)
+            # Drake (1.51) ends the process over a root context that is None.
+            own = context and self.plant.GetMyMutableContextFromRoot(context)
         except (RuntimeError, TypeError):  # a context of other scalars is a TypeError
             own = None
         if own is None or not self._is_own(own):
@@ -84,15 +85,25 @@ class ModelInPlant:
             context: The plant's context, or the root context of its diagram.
             joints: Their names. Length k.
             positions: [rad or m], of the plant's scalars or floats. Shape (k,).
+
+        Raises:
+            ValueError: If a position is not finite.
         """
         own, T = self.own_context(context), self.scalar
+        joints, positions = list(joints), np.asarray(positions)
+        check_finite(joints, positions)
         values = self.plant.GetPositions(own).copy()
-        numbers = [x if isinstance(x, T) else T(x) for x in np.asarray(positions)]
-        values[self.columns_of(joints)] = numbers
+        values[self.columns_of(joints)] = [x if isinstance(x, T) else T(x) for x in positions]
         self.plant.SetPositions(own, values)
 
     def columns_of(self, joints: Iterable[str]) -> NDArray:
-        """Return where joints stand among the plant's positions. Shape (k,)."""
+        """Return where joints stand among the plant's positions. Shape (k,).
+
+        Raises:
+            ModelError: If the plant is not finalized.
+        """
+        if not self.plant.is_finalized():
+            raise ModelError("positions are dealt out by Finalize(): call it on the plant first")
         found = [self.plant.GetJointByName(name, self.instance) for name in joints]
         return np.array([joint.position_start() for joint in found])
 
@@ -113,6 +124,18 @@ class ModelInPlant:
         if pose.dtype == object:
             return RigidTransform_[T](RotationMatrix_[T](pose[:3, :3]), pose[:3, 3])
         return rigid(pose) if T is float else RigidTransform_[float](pose).cast[T]()
+
+
+def check_finite(joints: Sequence[str], positions: NDArray) -> None:
+    """Refuse positions, or readings, over which Drake (1.51) would end the process.
+
+    Raises:
+        ValueError: If one is nan or infinite.
+    """
+    for name, x in zip(joints, positions, strict=True):
+        value = x.value() if isinstance(x, AutoDiffXd) else x
+        if not isinstance(value, Expression) and not np.isfinite(value):
+            raise ValueError(f"joint {name!r} must go to a finite position, got {value}")
 
 
 def parent_frame(plant: MultibodyPlant, frame: Frame | None) -> Frame:

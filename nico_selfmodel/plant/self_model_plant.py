@@ -25,7 +25,12 @@ from nico_selfmodel.plant.frames import (
 )
 from nico_selfmodel.plant.kinematic_tree import WORLD, KinematicTree
 from nico_selfmodel.plant.learned_frames import LearnedFrames, learned_frames
-from nico_selfmodel.plant.model_in_plant import ModelInPlant, check_open, parent_frame
+from nico_selfmodel.plant.model_in_plant import (
+    ModelInPlant,
+    check_finite,
+    check_open,
+    parent_frame,
+)
 from nico_selfmodel.plant.urdf_document import hand_frame_name
 
 TIME_STEP = 1e-3
@@ -203,7 +208,8 @@ class SelfModelPlant(ModelInPlant):
             model: Whose servo map to use; the plant's own if omitted.
 
         Raises:
-            ValueError: If `readings` is not n numbers, or there is no model to read them with.
+            ValueError: If `readings` is not n finite numbers, or there is no model to read them
+                with.
             ModelError: If the model has other joints.
         """
         model, q = self._joint_angles(readings, model)
@@ -242,6 +248,7 @@ class SelfModelPlant(ModelInPlant):
             raise ValueError(
                 f"readings must have shape ({len(self.arm.joints)},), got {readings.shape}"
             )
+        check_finite(self.arm.joints, readings)
         return model, model.servos.to_joint(readings)
 
     def _hand_frame(self, marker: str) -> Any:

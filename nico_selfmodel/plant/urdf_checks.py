@@ -11,7 +11,7 @@ from xml.dom.minidom import Document, Element
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.names import check_name, listed, shown
-from nico_selfmodel.plant.urdf_document import child, children, linked, robot_element
+from nico_selfmodel.plant.urdf_document import JOINTS, child, children, linked, robot_element
 
 WORLD = "world"
 _LARGEST = 1e9
@@ -36,7 +36,7 @@ _NUMBERS: dict[str, dict[str, int]] = {
 _POSITIVE = ("box", "sphere", "cylinder", "capsule", "drake:capsule", "drake:ellipsoid")
 _NOT_NEGATIVE = {"mass", "dynamics"}
 _MOVING = ("revolute", "continuous", "prismatic", "planar")
-_PARTS = ("link", "joint", "frame", "drake:joint")
+_PARTS = ("link", *JOINTS, "frame")
 
 
 def check_urdf(document: Document, urdf: Path) -> None:
@@ -53,14 +53,14 @@ def check_urdf(document: Document, urdf: Path) -> None:
     """
     robot = robot_element(document)
     links = [link.getAttribute("name") for link in children(robot, "link")]
-    joints = list(children(robot, "joint"))
+    joints = list(children(robot, *JOINTS))
     for what, names in (("link", links), ("joint", [j.getAttribute("name") for j in joints])):
         _check_names(what, names, urdf)
     for part in children(robot, *_PARTS):
         where = f"{urdf}: {part.tagName} {part.getAttribute('name')!r}"
         for element in _inside(part):
             _check_numbers(element, where)
-    for joint in joints:
+    for joint in children(robot, "joint"):
         _check_joint(joint, links, [j.getAttribute("name") for j in joints], urdf)
     _check_tree(joints, urdf)
 

@@ -19,6 +19,8 @@ SAME = 1e-14
 """Poses that differ by rounding only [m, and entries of the rotation]."""
 
 
+JOINTS = ("joint", "drake:joint")
+"""Elements that hang one link on another."""
 _DEEPEST = 50
 _PACKAGED = ("package://", "model://", "file://", "http://", "https://")
 _COMMENT = re.compile(rb"<!--(.*?)-->", re.DOTALL)
@@ -199,7 +201,7 @@ def comment_text(text: str) -> str:
 def document_text(document: Document) -> str:
     """Return the document as a file's content; elements that were added get their own lines."""
     robot = robot_element(document)
-    for element in list(children(robot, "link", "joint", "frame")):
+    for element in list(children(robot, "link", *JOINTS, "frame")):
         before = element.previousSibling
         if before is None or isinstance(before, Element):
             robot.insertBefore(document.createTextNode("\n  "), element)

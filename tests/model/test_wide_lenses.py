@@ -170,7 +170,7 @@ def test_a_polynomial_is_a_rational_lens_whose_last_coefficients_are_zero():
 @pytest.mark.parametrize("place", [(0.0, 0.0, 1.0), (0.4, -0.2, 0.8)])
 def test_pixels_have_slopes_in_drakes_scalars(camera, place):
     p = InitializeAutoDiff(np.array(place)).ravel()
-    pixels = camera.pixels_of(np.stack([p[0] / p[2], p[1] / p[2]]))
+    pixels = camera.pixels_of_points(p)
     expected = camera.projection(np.array([place]))
     assert ExtractValue(pixels).ravel() == pytest.approx(expected.pixels[0], abs=1e-9)
     assert ExtractGradient(pixels) == pytest.approx(expected.by_point[0], abs=1e-6)

@@ -129,11 +129,17 @@ def test_what_does_not_fit_a_body_in_a_plant_is_refused():
         robot.frame("nose")
     with pytest.raises(ValueError, match=r"readings must have shape \(6,\), got \(2,\)"):
         robot.set_readings(context, [0.0, 1.0])
+    for bad in (np.nan, np.inf):
+        with pytest.raises(ValueError, match=f"'joint1' must go to a finite position, got {bad}"):
+            robot.set_readings(context, [0.0, bad, 0.0, 0.0, 0.0, 0.0])
     on_a_flange = MultibodyPlant(0.0)
     robot = BodyPlant.add_to(on_a_flange, body("flange"))
     on_a_flange.Finalize()
     with pytest.raises(ValueError, match="joint 'joint0' is a flange: give flanges"):
         robot.set_readings(on_a_flange.CreateDefaultContext(), np.zeros(3))
+    nowhere = np.full((3, 4, 4), np.nan)
+    with pytest.raises(ValueError, match="joint 'joint0' is a flange: its pose must be finite"):
+        robot.set_readings(on_a_flange.CreateDefaultContext(), np.zeros(3), nowhere)
 
 
 def bent(model, seed=9):

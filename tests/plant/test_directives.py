@@ -8,7 +8,8 @@ import pytest
 from pydrake.geometry import Meshcat, MeshcatParams
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder
 from pydrake.visualization import ModelVisualizer
 
 from nico_selfmodel.errors import ModelError
@@ -177,3 +178,63 @@ def test_the_model_visualizer_shows_a_learned_arm(scene):
     assert meshcat.HasPath("/drake/illustration/arm/link6")
     assert meshcat.HasPath("/drake/illustration/table")
     assert f"{arm.arm.joints[0]}" in " ".join(meshcat.GetSliderNames())
+
+
+BALLS = """<robot name="balls"><link name="one"><collision><geometry><sphere radius="0.1"/>
+</geometry></collision></link><link name="two"><collision><geometry><sphere radius="0.1"/>
+</geometry></collision></link></robot>"""
+"""Two balls that lie in each other."""
+
+
+def overlaps(scene, text):
+    """Return which bodies of a scene collide where all start at the origin."""
+    path = scene(text)
+    (path.parent / "balls.urdf").write_text(BALLS)
+    builder = DiagramBuilder()
+    plant, graph = AddMultibodyPlantSceneGraph(builder, 1e-3)
+    add_directives(path, Parser(plant))
+    plant.Finalize()
+    context = builder.Build().CreateDefaultContext()
+    query = graph.get_query_output_port().Eval(graph.GetMyContextFromRoot(context))
+    inspector = query.inspector()
+    return {
+        frozenset(inspector.GetName(inspector.GetFrameId(k)) for k in (pair.id_A, pair.id_B))
+        for pair in query.ComputePointPairPenetration()
+    }
+
+
+TWO = """directives:
+- add_model: {name: a, file: balls.urdf}
+- add_model: {name: b, file: balls.urdf}
+"""
+GROUP = (
+    "- add_collision_filter_group: {name: %s, members: [%s], ignored_collision_filter_groups: [%s]}"
+)
+
+
+def test_collision_filter_groups_reach_across_models_that_stand_before_and_after_them(scene):
+    a, b = (["a::one", "a::two"], ["b::one", "b::two"])
+    everything = {frozenset(pair) for pair in (a, b, *((one, two) for one in a for two in b))}
+    assert overlaps(scene, TWO) == everything
+    two = TWO + GROUP % ("ours", ", ".join(a), "theirs") + "\n"
+    two += GROUP % ("theirs", ", ".join(b), "") + "\n"
+    assert overlaps(scene, two) == {frozenset(a), frozenset(b)}
+    one = TWO.replace("directives:\n", "directives:\n" + GROUP % ("g", ", ".join(a), "g") + "\n")
+    assert overlaps(scene, one) == everything - {frozenset(a)}
+    in_it = (GROUP % ("g", "b::one", "g")).replace("members:", "member_groups: [h], members:")
+    both = TWO + in_it + "\n" + GROUP % ("h", "a::two", "") + "\n"
+    assert overlaps(scene, both) == everything - {frozenset(["a::two", "b::one"])}
+
+
+@pytest.mark.parametrize(
+    ("members", "ignored", "why"),
+    [
+        ("a::three", "g", "three"),
+        ("a::one", "h", "no group 'h'; there are g"),
+    ],
+)
+def test_a_collision_filter_group_of_nothing_is_refused_by_its_place(scene, members, ignored, why):
+    with pytest.raises(ModelError, match=f"directive 3: .*{why}"):
+        overlaps(scene, TWO + GROUP % ("g", members, ignored))
+    with pytest.raises(ModelError, match="there is a group 'g' already"):
+        overlaps(scene, TWO + "\n".join([GROUP % ("g", "a::one", "g")] * 2))

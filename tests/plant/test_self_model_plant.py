@@ -143,6 +143,24 @@ def test_readings_move_the_learned_joints_and_leave_the_others(describe, learn, 
     assert np.count_nonzero(positions) == len(arm.joints) + 1  # and the torso's
 
 
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_what_drake_would_end_the_process_over_is_an_error_of_one_line(describe, learn, bad):
+    arm = describe("six")
+    model = learn(arm.chain)
+    robot = SelfModelPlant.from_urdf(arm, model)
+    context, q = robot.plant.CreateDefaultContext(), np.zeros(6)
+    before = robot.plant.GetPositions(context)
+    q[2] = bad
+    for move in (robot.set_positions, robot.set_joint_angles):
+        with pytest.raises(ValueError, match=f"joint {arm.joints[2]!r} must go to a finite"):
+            move(context, q)
+    with pytest.raises(ValueError, match="context belongs to another plant"):
+        robot.set_joint_angles(None, np.zeros(6))
+    np.testing.assert_array_equal(robot.plant.GetPositions(context), before)
+    with pytest.raises(ModelError, match="call it on the plant first"):
+        assert SelfModelPlant.add_to(MultibodyPlant(0.0), arm, model).columns is None
+
+
 def test_held_joints_start_at_their_values(describe):
     robot = SelfModelPlant.from_urdf(describe("six"))
     assert robot.plant.GetJointByName("slide").default_positions() == [0.05]

@@ -116,6 +116,31 @@ def test_shapes_and_masses_of_an_export_lie_where_those_of_the_plant_do(arm, lea
     np.testing.assert_allclose(seen[1][1], seen[0][1], atol=1e-12)
 
 
+@pytest.mark.parametrize("tag", ["joint", "drake:joint"])
+def test_what_hangs_on_a_learned_link_by_a_joint_of_drakes_moves_with_it(
+    tmp_path, urdf_text, learn, build_individual, tag
+):
+    kind = "ball" if tag == "drake:joint" else "fixed"
+    cup = f"""<link name="cup"><inertial><mass value="0.1"/><inertia ixx="1e-3" iyy="1e-3"
+    izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link><{tag} name="swivel" type="{kind}">
+    <parent link="link4"/><child link="cup"/><origin xyz="0 0 0.1"/></{tag}></robot>"""
+    (tmp_path / "robot.urdf").write_text(urdf_text("six").replace("</robot>", cup))
+    arm = ArmDescription.from_urdf(tmp_path / "robot.urdf", tip_link="ball")
+    model = learn(build_individual(arm.chain, seed=8))
+    (tmp_path / "learned.urdf").write_text(learned_urdf(model, arm))
+    plant, _, root = loaded(tmp_path / "learned.urdf")
+    robot, q = SelfModelPlant.from_urdf(arm, model), np.linspace(-0.4, 0.7, len(arm.joints))
+    context = robot.plant.CreateDefaultContext()
+    robot.set_joint_angles(context, q)
+    expected = robot.plant.GetFrameByName("cup").CalcPoseInWorld(context).translation()
+    own = plant.GetMyContextFromRoot(root)
+    set_joints(plant, own, dict(zip(arm.joints, q, strict=True)))
+    X_WC = plant.CalcRelativeTransform(
+        own, plant.GetFrameByName(MEASURING_FRAME), plant.GetFrameByName("cup")
+    )
+    np.testing.assert_allclose(X_WC.translation(), expected, rtol=0, atol=1e-12)
+
+
 def test_a_robot_as_described_is_exported_as_it_was(arm, learn):
     original = arm.urdf.read_text()
     text = learned_urdf(learn(arm.chain), arm)

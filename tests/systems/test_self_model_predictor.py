@@ -151,6 +151,26 @@ def test_what_is_not_seen_or_not_known_is_nan_in_a_converted_predictor_too():
     assert np.isnan(ExtractValue(output(unknown, "covariance", q))).all()
 
 
+@pytest.mark.parametrize("off", [40.0, 89.9, 91.0, 120.0])
+def test_a_fisheye_shows_the_hand_past_90_degrees_in_any_scalars(off):
+    known = model()
+    p, way = ARM.chain.forward(Q), np.radians(off)
+    X_WC = np.eye(4)
+    X_WC[:3, 3] = p - 0.5 * np.array([np.sin(way), 0.0, np.cos(way)])
+    wide = Camera(150.0, 150.0, 320.0, 240.0, (640, 480), k1=-0.02, lens="fisheye", X_WC=X_WC)
+    predictor = SelfModelPredictor(replace(known, cameras={"left": wide, "right": wide}))
+    pixels = output(predictor, "pixels_predicted")
+    assert pixels[0] == pytest.approx(320.0 + 150.0 * way * (1.0 - 0.02 * way**2))
+    found = output(predictor.ToAutoDiffXd(), "pixels_predicted", InitializeAutoDiff(Q).ravel())
+    assert ExtractValue(found).ravel() == pytest.approx(pixels)
+    step = 1e-6 * np.eye(len(Q))
+    moved = [[output(predictor, "pixels_predicted", Q + s * d) for d in step] for s in (1, -1)]
+    slopes = (np.array(moved[0]) - moved[1]).T / 2e-6
+    assert ExtractGradient(found) == pytest.approx(slopes, abs=1e-4)
+    told = output(predictor.ToSymbolic(), "pixels_predicted", [Expression(x) for x in Q])
+    assert [one.Evaluate() for one in told] == pytest.approx(pixels)
+
+
 def test_a_diagram_from_angles_through_encoders_to_the_hand_converts():
     known = geared()
     builder = DiagramBuilder()

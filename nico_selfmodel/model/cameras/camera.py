@@ -172,6 +172,17 @@ class Camera:
         """Return pixels of ideal coordinates X/Z, Y/Z. Shape (2, ...) -> (2, ...)."""
         return self._on_sensor(self._lens.distort(np.asarray(ideal)))
 
+    def pixels_of_points(self, p_CQ: NDArray) -> NDArray:
+        """Return pixels of points in its frame, whether it shows them or not; see `project`.
+
+        Args:
+            p_CQ: Points, of Drake's scalars or floats [m]. Shape (3, ...).
+
+        Returns:
+            Of the same numbers [px]. Shape (2, ...).
+        """
+        return self._on_sensor(self._lens.bent(p_CQ))
+
     def _on_sensor(self, bent: NDArray) -> NDArray:
         """Apply the intrinsic matrix. Shape (2, ...)."""
         x, y = bent

@@ -34,6 +34,13 @@ class Lens(Protocol):
         """Return distorted coordinates of X / Z, Y / Z. Shape (2, ...) -> (2, ...)."""
         ...
 
+    def bent(self, p_CQ: NDArray) -> NDArray:
+        """Return distorted coordinates of points, shown or not; of Drake's scalars, too.
+
+        Shape (3, ...) -> (2, ...).
+        """
+        ...
+
     def has_rays(self, distorted: NDArray) -> NDArray:
         """Tell which distorted coordinates come from X / Z, Y / Z. Shape (2, ...) -> (...)."""
         ...
@@ -97,6 +104,11 @@ class RadialLens:
         """Return distorted coordinates of X / Z, Y / Z."""
         return lens.distort(ideal, self.k, self.p)
 
+    def bent(self, p_CQ: NDArray) -> NDArray:
+        """Return distorted coordinates of points, shown or not; of Drake's scalars, too."""
+        x, y, z = p_CQ
+        return self.distort(np.stack([x / z, y / z]))
+
     def has_rays(self, distorted: NDArray) -> NDArray:
         """Tell which coordinates lie inside the monotone part; False for nan."""
         return lens.within_fold(distorted, self.k)
@@ -153,11 +165,16 @@ class FisheyeLens:
         return np.where(seen, bent, np.nan)
 
     def distort(self, ideal: NDArray) -> NDArray:
-        """Return distorted coordinates of X / Z, Y / Z; Drake's scalars have them too."""
-        x, y = ideal
-        # Off the axis by nothing that counts: so that there is a slope on it.
-        r = np.sqrt(x * x + y * y + _ON_AXIS)
+        """Return distorted coordinates of X / Z, Y / Z."""
+        r = np.sqrt(np.sum(ideal * ideal, axis=0) + _ON_AXIS)
         return ideal * (fisheye.bent_angle(np.arctan(r), self.k)[0] / r)
+
+    def bent(self, p_CQ: NDArray) -> NDArray:
+        """Return distorted coordinates of points, shown or not; of Drake's scalars, too."""
+        x, y, z = p_CQ
+        # Off the axis by nothing that counts: so that there is a slope on it.
+        rho = np.sqrt(x * x + y * y + _ON_AXIS * z * z)
+        return np.stack([x, y]) * (fisheye.bent_angle(np.arctan2(rho, z), self.k)[0] / rho)
 
     def has_rays(self, distorted: NDArray) -> NDArray:
         """Tell which coordinates lie within `fisheye.WIDEST` of the axis; False for nan."""

@@ -16,6 +16,7 @@ from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant.export.plain_urdf import DENSITY, link_name, plain_document
 from nico_selfmodel.plant.learned_frames import LearnedFrames, learned_frames, nominal_frames
 from nico_selfmodel.plant.urdf_document import (
+    JOINTS,
     append_frame_link,
     children,
     comment_text,
@@ -127,7 +128,7 @@ def _edited_document(model: SelfModel, arm: "ArmDescription") -> Document:
     origins, moved = _urdf_frames(arm, model)
     frames = learned_frames(arm, model.chain)
     _move_points(robot, arm, frames)
-    for joint in children(robot, "joint"):
+    for joint in children(robot, *JOINTS):
         name = joint.getAttribute("name")
         before = moved.get(linked(joint, "parent"))
         if name in origins:
@@ -180,7 +181,7 @@ def _move_points(robot: Element, arm: "ArmDescription", frames: LearnedFrames) -
 
 def _mount_of_bare_link(robot: Element, name: str) -> Element | None:
     """Return the fixed joint of a link without mass, shape and children; None if it has any."""
-    joints = list(children(robot, "joint"))
+    joints = list(children(robot, *JOINTS))
     if any(linked(joint, "parent") == name for joint in joints):
         return None
     for link in children(robot, "link"):

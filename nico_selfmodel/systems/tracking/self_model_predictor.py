@@ -99,8 +99,7 @@ def _pixels_of(T: Any, rig: StereoRig, p_WH: NDArray) -> NDArray:
         return rig.project(p_WH)
     pixels = []
     for camera in rig.cameras:
-        x, y, z = apply(camera.X_CW, p_WH)
-        pixels += list(camera.pixels_of(np.stack([x / z, y / z])))
+        pixels += list(camera.pixels_of_points(apply(camera.X_CW, p_WH)))
     if T is AutoDiffXd:
         seen = np.isfinite(rig.project(ExtractValue(p_WH).ravel()))
         pixels = [u if there else np.nan for u, there in zip(pixels, seen, strict=True)]
