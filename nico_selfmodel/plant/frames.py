@@ -6,7 +6,7 @@ nothing has to be removed from a plant, whatever else is in it.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from xml.dom.minidom import Element
 
 import numpy as np
@@ -45,6 +45,8 @@ class JointFrames:
     """On the parent link; on the robot's root link where that is the world. Shape (4, 4)."""
     X_CM: NDArray
     """On the child link. Shape (4, 4)."""
+    zero: float = 0.0
+    """What is added to the joint's angle to have that of its file [rad]."""
 
 
 def movable_pose(pose: NDArray) -> NDArray:
@@ -120,12 +122,13 @@ def add_robot(
         body: Frame = parent
         if joint.parent_body().name() == WORLD:
             hung[frame_names(joint.name())[0]] = poses.X_PF
-            poses = JointFrames(X_PR @ poses.X_PF, poses.X_CM)
+            poses = replace(poses, X_PF=X_PR @ poses.X_PF)
         else:
             body = plant.GetFrameByName(joint.parent_body().name(), instance)
         _add_joint(plant, instance, joint, body, poses)
     _add_motors(plant, instance, tree.plant)
-    _add_followers(plant, instance, followers)
+    zeros = {name: poses.zero for name, poses in learned.items()}
+    _add_followers(plant, instance, [one.counted_from(zeros) for one in followers])
     return instance, hung
 
 
@@ -185,6 +188,10 @@ class _Follower:
         gear, offset = (mimic.getAttribute(key) for key in ("multiplier", "offset"))
         return cls(name, mimic.getAttribute("joint"), float(gear or 1.0), float(offset or 0.0))
 
+    def counted_from(self, zeros: Mapping[str, float]) -> "_Follower":
+        """Return the same of a leader whose angle is counted from another zero [rad]."""
+        return replace(self, offset=self.offset + self.gear * zeros.get(self.leader, 0.0))
+
 
 def _add_followers(
     plant: MultibodyPlant, instance: ModelInstanceIndex, followers: list[_Follower]
@@ -232,14 +239,16 @@ def _add_joint(
     F = add_frame(plant, instance, name_F, parent, poses.X_PF)
     M = add_frame(plant, instance, name_M, body, poses.X_CM)
     if isinstance(old, RevoluteJoint):
-        plant.AddJoint(_revolute_like(old, F, M))
+        plant.AddJoint(_revolute_like(old, F, M, poses.zero))
     elif isinstance(old, WeldJoint):
         plant.AddJoint(WeldJoint(old.name(), F, M, old.X_FM()))
 
 
-def _revolute_like(old: RevoluteJoint, F: Frame, M: Frame) -> RevoluteJoint:
+def _revolute_like(old: RevoluteJoint, F: Frame, M: Frame, zero: float) -> RevoluteJoint:
     joint = RevoluteJoint(old.name(), F, M, [0.0, 0.0, 1.0], old.default_damping())
-    joint.set_position_limits(old.position_lower_limits(), old.position_upper_limits())
+    joint.set_position_limits(
+        old.position_lower_limits() - zero, old.position_upper_limits() - zero
+    )
     joint.set_velocity_limits(old.velocity_lower_limits(), old.velocity_upper_limits())
     joint.set_acceleration_limits(old.acceleration_lower_limits(), old.acceleration_upper_limits())
     joint.set_default_angle(old.get_default_angle())

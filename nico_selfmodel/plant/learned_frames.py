@@ -20,6 +20,9 @@ from nico_selfmodel.model.arm.dh_table import DhTable
 if TYPE_CHECKING:
     from nico_selfmodel.plant.description import ArmDescription
 
+SAME_ZEROS = np.radians(10.0)
+"""Most by which zeros of a robot's joints are built beside those of its description. Of a
+self-model that has zeros of its own one is further off."""
 ON_THE_AXIS = 1e-3
 """A tracked point nearer to the last axis than this [m] says nothing of the last link's turn."""
 
@@ -42,6 +45,9 @@ class LearnedFrames:
     X_WF: NDArray
     """Joint frames on the parent links in the measuring frame, all learned joints at q = 0.
     Shape (n, 4, 4)."""
+    zeros: NDArray
+    """What is added to the model's joint angles to have the description's in the same posture, to
+    within a turn: zero where its zeros are the robot's, `SAME_ZEROS` [rad]. Shape (n,)."""
 
     def given_way(self, X_WN: NDArray, bearings: NDArray) -> "LearnedFrames":
         """Return the frames where bearings have given way: each on its parent link.
@@ -89,7 +95,14 @@ def learned_frames(arm: "ArmDescription", chain: Chain) -> LearnedFrames:
         learned.markers,
         transform(_hand_rotations(arm, learned.markers), apply(X_TN, learned.p_NH)),
         learned.frames(np.zeros(n))[:-1] @ X_DF,
+        _zeros_apart(learned.theta_zero - turn - nominal.theta_zero),
     )
+
+
+def _zeros_apart(apart: NDArray) -> NDArray:
+    """Return by how much zeros differ, to within a turn; nothing where all are about the same."""
+    apart = np.remainder(apart + np.pi, 2.0 * np.pi) - np.pi
+    return np.where(np.abs(apart).max() > SAME_ZEROS, apart, 0.0)
 
 
 def _comparable_tables(nominal: Chain, learned: Chain) -> tuple[DhTable, DhTable]:

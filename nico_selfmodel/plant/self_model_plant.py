@@ -47,8 +47,10 @@ class SelfModelPlant(ModelInPlant):
     A self-model can be written into any context. The plant's world, or the frame that the robot was
     added to, is then the measuring frame W, and the angles of the learned joints are the
     self-model's q, so that every tracked point is where `model.points(q)` has it. Held
-    joints start at their values, all others at zero. The joints' limits are the description's:
-    they fit a self-model whose zeros are the robot's.
+    joints start at their values, all others at zero. The joints' limits are the description's;
+    of a self-model with zeros of its own (`LearnedFrames.zeros`) they are where the links stand as
+    at those of the description, to within a turn. They are of the model that the plant was built
+    with.
     """
 
     arm: ArmDescription
@@ -101,7 +103,8 @@ class SelfModelPlant(ModelInPlant):
         frame = parent_frame(plant, frame)
         X_WR = frames.X_WR if model else np.eye(4)
         learned = {
-            joint: JointFrames(frames.X_PF[i], frames.X_CM[i]) for i, joint in enumerate(arm.joints)
+            joint: JointFrames(frames.X_PF[i], frames.X_CM[i], float(frames.zeros[i]))
+            for i, joint in enumerate(arm.joints)
         }
         instance, hung = add_robot(plant, tree, name, learned, frame, X_WR)
         if arm.links.root_link != WORLD:

@@ -7,11 +7,13 @@ import pytest
 from pydrake.geometry import Role
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.plant import ArmDescription, SelfModelPlant, learned_urdf
 from nico_selfmodel.plant.export.urdf_export import MEASURING_FRAME
+from nico_selfmodel.plant.learned_frames import learned_frames
 
 
 def loaded(path):
@@ -72,8 +74,9 @@ def test_an_export_described_again_has_the_learned_chain(arm, learned, exported)
         exported, MEASURING_FRAME, arm.tip_link, {**below, **arm.held}, arm.points
     )
     assert again.joints == arm.joints
-    np.testing.assert_array_equal(again.lower, arm.lower)
-    np.testing.assert_array_equal(again.upper, arm.upper)
+    zeros = learned_frames(arm, learned.chain).zeros
+    np.testing.assert_allclose(again.lower, arm.lower - zeros, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(again.upper, arm.upper - zeros, rtol=0, atol=1e-15)
     for name in ("directions", "p_WH_zero"):
         ours, learnt = getattr(again.chain, name), getattr(learned.chain, name)
         np.testing.assert_allclose(ours, learnt, rtol=0, atol=1e-12)
@@ -82,6 +85,60 @@ def test_an_export_described_again_has_the_learned_chain(arm, learned, exported)
         again.chain.directions
     )
     np.testing.assert_allclose(off_axis, 0.0, atol=1e-12)
+
+
+BODY = """<inertial><mass value="0.5"/><inertia ixx="1e-2" iyy="1e-2" izz="1e-2" ixy="0" ixz="0"
+iyz="0"/></inertial>"""
+LINKS = "".join(f'<link name="{name}">{BODY}</link>' for name in "abcd")
+MIMICKED = f"""<robot name="m">{LINKS}
+<joint name="one" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/>
+  <limit lower="-1" upper="2" effort="1" velocity="1"/></joint>
+<joint name="two" type="revolute"><parent link="b"/><child link="c"/><origin xyz="0.3 0 0.1"/>
+  <axis xyz="1 0 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+<joint name="three" type="revolute"><parent link="c"/><child link="d"/><origin xyz="0.1 0.2 0.1"/>
+  <axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="1" velocity="1"/>
+  <mimic joint="two" multiplier="-2" offset="0.25"/></joint>
+<link name="tool"/><joint name="four" type="fixed"><parent link="c"/><child link="tool"/>
+  <origin xyz="0.1 0.2 0.3"/></joint></robot>"""
+
+
+def moved_in(plant, follows, seconds=0.02):
+    """Return how far the joints move by themselves where one follows another as is said [rad]."""
+    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    plant.Finalize()
+    simulator = Simulator(plant)
+    context = simulator.get_mutable_context()
+    plant.GetJointByName("two").set_angle(context, 0.3)
+    plant.GetJointByName("three").set_angle(context, follows(0.3))
+    before = plant.GetPositions(context).copy()
+    simulator.AdvanceTo(seconds)
+    return np.abs(plant.GetPositions(context) - before)[-3:].max()
+
+
+@pytest.mark.parametrize(("apart", "counted"), [(0.1, False), (0.2, True), (-1.5, True)])
+def test_limits_and_what_mimics_are_counted_from_zeros_of_a_models_own(
+    tmp_path, learn, apart, counted
+):
+    (tmp_path / "r.urdf").write_text(MIMICKED)
+    arm = ArmDescription.from_urdf(tmp_path / "r.urdf", "a", "tool")
+    model = learn(arm.chain.rezeroed(np.array([0.5, apart])))
+    # How the first link is turned about its axis and how the base is are one.
+    zeros = np.array([0.0, apart]) * counted
+    np.testing.assert_allclose(learned_frames(arm, model.chain).zeros, zeros, atol=1e-12)
+    (tmp_path / "learned.urdf").write_text(learned_urdf(model, arm))
+    ours, exported, other = MultibodyPlant(1e-3), MultibodyPlant(1e-3), MultibodyPlant(1e-3)
+    SelfModelPlant.add_to(ours, arm, model)
+    for plant in (exported, other):
+        Parser(plant).AddModels(str(tmp_path / "learned.urdf"))
+        plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("a"))
+    for plant in (ours, exported):
+        # q3 = -2 (q2 + zero2) + 0.25
+        assert moved_in(plant, lambda q2: 0.25 - 2.0 * (q2 + zeros[1])) < 1e-6
+        for name, zero, low, high in (("one", zeros[0], -1, 2), ("two", zeros[1], -3, 3)):
+            joint = plant.GetJointByName(name)
+            assert joint.position_lower_limit() == pytest.approx(low - zero, abs=1e-12)
+            assert joint.position_upper_limit() == pytest.approx(high - zero, abs=1e-12)
+    assert moved_in(other, lambda q2: 0.35 - 2.0 * (q2 + zeros[1])) > 1e-3
 
 
 def test_shapes_and_masses_of_an_export_lie_where_those_of_the_plant_do(arm, learned, exported):

@@ -1,6 +1,7 @@
 """A self-model as a URDF: the robot's own file with the learned geometry written into it."""
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.dom.minidom import Document, Element
@@ -18,12 +19,14 @@ from nico_selfmodel.plant.learned_frames import LearnedFrames, learned_frames, n
 from nico_selfmodel.plant.urdf_document import (
     JOINTS,
     append_frame_link,
+    child,
     children,
     comment_text,
     document_text,
     hand_frame_name,
     lead_files,
     linked,
+    numbers_text,
     origin_of,
     pose_of,
     read_document,
@@ -51,7 +54,8 @@ def learned_urdf(
     """Write a self-model as a URDF.
 
     With a description it is the robot's own file: links, limits, meshes and masses stay, joint
-    origins change, and what hangs on the links moves with them. Without one, a robot of spheres
+    origins change, and what hangs on the links moves with them. Limits of a self-model that has
+    zeros of its own are counted from these. Without one, a robot of spheres
     and cylinders is drawn along the learned axes. Either way the link `measuring_frame` is the
     frame W and a link `hand_<marker>` stands at each tracked point; a link without mass, shape or
     children that was given as a tracked point moves there too. Positions of the joints are the
@@ -136,6 +140,7 @@ def _edited_document(model: SelfModel, arm: "ArmDescription") -> Document:
             set_origin(joint, pose)
         elif before is not None:
             set_origin(joint, before @ origin_of(joint))
+    _count_from(robot, dict(zip(arm.joints, frames.zeros.tolist(), strict=True)))
     for link in children(robot, "link"):
         if link.getAttribute("name") in moved:
             for part in children(link, *_PARTS):
@@ -145,6 +150,25 @@ def _edited_document(model: SelfModel, arm: "ArmDescription") -> Document:
             set_pose(frame, moved[frame.getAttribute("link")] @ pose_of(frame))
     _add_frames(robot, arm, frames, moved)
     return document
+
+
+def _count_from(robot: Element, zeros: Mapping[str, float]) -> None:
+    """Let limits, and what mimics, be counted from other zeros, where these are others [rad]."""
+    for joint in children(robot, "joint"):
+        limit, mimic = child(joint, "limit"), child(joint, "mimic")
+        if limit is not None and joint.getAttribute("type") != "continuous":
+            for end in ("lower", "upper"):
+                _add_to(limit, end, -zeros.get(joint.getAttribute("name"), 0.0))
+        if mimic is not None:
+            gear = float(mimic.getAttribute("multiplier") or 1.0)
+            _add_to(mimic, "offset", gear * zeros.get(mimic.getAttribute("joint"), 0.0))
+
+
+def _add_to(element: Element, name: str, value: float) -> None:
+    """Add to a number of the file; it stays as it is written where nothing is to be added."""
+    if value:
+        before = float(element.getAttribute(name) or 0.0)
+        element.setAttribute(name, numbers_text(before + value))
 
 
 def _urdf_frames(
