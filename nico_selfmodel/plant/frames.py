@@ -246,9 +246,8 @@ def _add_joint(
 
 def _revolute_like(old: RevoluteJoint, F: Frame, M: Frame, zero: float) -> RevoluteJoint:
     joint = RevoluteJoint(old.name(), F, M, [0.0, 0.0, 1.0], old.default_damping())
-    joint.set_position_limits(
-        old.position_lower_limits() - zero, old.position_upper_limits() - zero
-    )
+    low, high = old.position_lower_limits(), old.position_upper_limits()
+    joint.set_position_limits(np.subtract(low, zero), np.subtract(high, zero))
     joint.set_velocity_limits(old.velocity_lower_limits(), old.velocity_upper_limits())
     joint.set_acceleration_limits(old.acceleration_lower_limits(), old.acceleration_upper_limits())
     joint.set_default_angle(old.get_default_angle())
