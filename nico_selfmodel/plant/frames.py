@@ -11,6 +11,7 @@ from xml.dom.minidom import Element
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.autodiffutils import AutoDiffXd
 from pydrake.multibody.plant import DiscreteContactSolver, MultibodyPlant
 from pydrake.multibody.tree import (
     FixedOffsetFrame,
@@ -20,6 +21,7 @@ from pydrake.multibody.tree import (
     RevoluteJoint,
     WeldJoint,
 )
+from pydrake.symbolic import Expression
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.files.reading import real_path
@@ -55,9 +57,10 @@ def movable_pose(pose: NDArray) -> NDArray:
     Drake (1.51) leaves frames out of its products whose pose is exactly the identity, and with the
     value the derivatives by that pose, silently.
     """
-    if pose.dtype != object and np.array_equal(pose, np.eye(4)):
+    values = [x.value() if isinstance(x, AutoDiffXd) else x for x in pose.flat]
+    if not any(isinstance(x, Expression) for x in values) and values == np.eye(4).ravel().tolist():
         pose = pose.copy()
-        pose[2, 3] = _TINY
+        pose[2, 3] = pose[2, 3] + _TINY
     return pose
 
 

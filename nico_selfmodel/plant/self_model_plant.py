@@ -94,6 +94,12 @@ class SelfModelPlant(ModelInPlant):
                 self-model has no arm or other joints, or Drake cannot read the robot. All but what
                 only Drake finds (a mesh that is missing) leaves the plant as it was.
         """
+        if arm is None:
+            raise ModelError(
+                "there is no description of a robot, got None: give ArmDescription.from_urdf of its "
+                "URDF; of a self-model that was learned without one `nico-selfmodel export-urdf` "
+                "writes a URDF"
+            )
         check_open(plant)
         frames = learned_frames(arm, model.chain if model else arm.chain)
         tree = KinematicTree.from_urdf(arm.urdf)

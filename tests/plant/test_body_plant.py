@@ -110,6 +110,20 @@ def test_a_converted_tree_moves_likewise_and_its_derivatives_are_right(kind, ide
     assert max(np.abs(slope).max() for slope in by_reading.values()) > 0.1
 
 
+def test_derivatives_by_a_pose_that_is_written_do_not_vanish_where_it_is_the_identity():
+    plant = MultibodyPlant(0.0)
+    robot = BodyPlant.add_to(plant, body("torso", identities=True))
+    plant.Finalize()
+    converted = robot.in_plant(plant.ToAutoDiffXd())
+    context = converted.plant.CreateDefaultContext()
+    pose = np.eye(4, dtype=object)
+    pose[:3, 3] = InitializeAutoDiff(np.zeros(3)).ravel()
+    frame = converted.plant.GetFrameByName("joint0_F", converted.instance)
+    converted.write_poses(context, [(frame, pose)])
+    p = converted.frame("ball0").CalcPoseInWorld(context).translation()
+    assert ExtractGradient(p) == pytest.approx(np.eye(3))
+
+
 def test_what_does_not_fit_a_body_in_a_plant_is_refused():
     plant = MultibodyPlant(1e-3)
     model = body("torso")

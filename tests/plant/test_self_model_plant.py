@@ -280,6 +280,8 @@ def test_what_does_not_fit_is_refused(describe, learn):
         robot.set_positions(context, [1.0, 2.0], model)
     with pytest.raises(ValueError, match="built without a self-model"):
         robot.set_positions(context, np.zeros(4))
+    with pytest.raises(ModelError, match="no description of a robot, got None"):
+        SelfModelPlant.from_urdf(ArmDescription.of_model(learn(arm.chain)), learn(arm.chain))
 
 
 def test_the_frames_of_a_nominal_joint_hold_its_denavit_hartenberg_row(describe, learn):
