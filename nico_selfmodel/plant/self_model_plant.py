@@ -96,9 +96,8 @@ class SelfModelPlant(ModelInPlant):
         """
         if arm is None:
             raise ModelError(
-                "there is no description of a robot, got None: give ArmDescription.from_urdf of its "
-                "URDF; of a self-model that was learned without one `nico-selfmodel export-urdf` "
-                "writes a URDF"
+                "no description of a robot, got None: give ArmDescription.from_urdf of its URDF; of "
+                "a self-model that was learned without one `nico-selfmodel export-urdf` writes one"
             )
         check_open(plant)
         frames = learned_frames(arm, model.chain if model else arm.chain)
