@@ -32,10 +32,11 @@ class Sides:
         return cls(read_only(tremor), read_only(np.zeros(len(joints))))
 
     def after(self, encoders: NDArray) -> "Sides":
-        """Return what is known after one more reading. Shape (n,)."""
+        """Return what is known after one more reading, nan of joints not read. Shape (n,)."""
         if self.last is None:
             return replace(self, last=read_only(encoders))
         moved = encoders - self.last
         far = np.abs(moved) > self.tremor
-        side, last = np.where(far, np.sign(moved), self.side), np.where(far, encoders, self.last)
+        side = np.where(far, np.sign(moved), self.side)
+        last = np.where(far | np.isnan(self.last), encoders, self.last)
         return replace(self, side=read_only(side), last=read_only(last))

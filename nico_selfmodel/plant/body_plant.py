@@ -12,6 +12,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
     Frame,
     Joint,
+    ModelInstanceIndex,
     PrismaticJoint,
     QuaternionFloatingJoint,
     RevoluteJoint,
@@ -25,7 +26,7 @@ from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE, WORLD, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import listed, refuse_unknown
-from nico_selfmodel.plant.frames import add_frame, frame_names
+from nico_selfmodel.plant.frames import add_frame, couple, frame_names
 from nico_selfmodel.plant.kinematic_tree import rigid
 from nico_selfmodel.plant.model_in_plant import (
     ModelInPlant,
@@ -44,6 +45,9 @@ _MASS, _RADIUS = 1.0, 0.05
 @dataclass(frozen=True, eq=False)
 class BodyPlant(ModelInPlant):
     """A learned body in a plant: joints, markers and sensors stand where it has them.
+
+    Joints keep their limits (`BodyModel.reach`), and what follows one other joint is coupled to it,
+    where the plant's solver can: a discrete plant's with SAP, Drake's default.
 
     Links have the names of their joints. Where there is a scene graph they are drawn as balls, with
     rods to what they carry; the masses, 1 kg each, are invented, so that motion under forces means
@@ -87,7 +91,10 @@ class BodyPlant(ModelInPlant):
             links.append(plant.AddRigidBody(joint, instance, inertia).body_frame())
             parent = root if tree.parent[i] == WORLD else links[tree.parent[i]]
             F = add_frame(plant, instance, frame_names(joint)[0], parent, tree.X_PJ[i])
-            plant.AddJoint(_joint(joint, tree.motions[i], F, links[i]))
+            added = plant.AddJoint(_joint(joint, tree.motions[i], F, links[i]))
+            if tree.motions[i] != FLANGE:
+                added.set_position_limits(*model.reach[:, i : i + 1])
+        _couple(plant, instance, tree)
         for item in (*tree.markers, *tree.sensors):
             on = root if item.on == WORLD else links[item.on]
             add_frame(plant, instance, item.name, on, item.X_LA)
@@ -176,6 +183,20 @@ class BodyPlant(ModelInPlant):
             names = [item.name for item in (*self.tree.markers, *self.tree.sensors)]
             refuse_unknown("marker or sensor", name, names)
         return self.plant.GetFrameByName(name, self.instance)
+
+
+def _couple(plant: MultibodyPlant, instance: ModelInstanceIndex, tree: BodyTree) -> None:
+    """Couple joints that follow one other, which follows none, to it."""
+    plain = np.eye(len(tree.joints))
+    for i, row in enumerate(np.asarray(tree.coupling)):
+        leaders = np.flatnonzero(row).tolist()
+        if len(leaders) != 1 or leaders == [i]:
+            continue
+        (j,) = leaders
+        turning = FLANGE not in (tree.motions[i], tree.motions[j])
+        if turning and np.array_equal(tree.coupling[j], plain[j]):
+            ours, led_by = (plant.GetJointByName(tree.joints[k], instance) for k in (i, j))
+            couple(plant, ours, led_by, float(row[j]))
 
 
 def _check_flanges(tree: BodyTree, carried: Sequence[int], flanges: NDArray | None) -> None:

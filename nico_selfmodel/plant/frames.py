@@ -199,17 +199,20 @@ class _Follower:
 def _add_followers(
     plant: MultibodyPlant, instance: ModelInstanceIndex, followers: list[_Follower]
 ) -> None:
-    """Couple joints as the parser does, where the plant's solver can."""
-    if (
-        plant.time_step() == 0.0
-        or plant.get_discrete_contact_solver() != DiscreteContactSolver.kSap
-    ):
-        return
     for follower in followers:
         joint, leader = (
             plant.GetJointByName(name, instance) for name in (follower.name, follower.leader)
         )
-        plant.AddCouplerConstraint(joint, leader, follower.gear, follower.offset)
+        couple(plant, joint, leader, follower.gear, follower.offset)
+
+
+def couple(
+    plant: MultibodyPlant, joint: Joint, leader: Joint, gear: float, offset: float = 0.0
+) -> None:
+    """Couple two joints as the parser does, q = gear q_leader + offset, where the solver can."""
+    by_sap = plant.get_discrete_contact_solver() == DiscreteContactSolver.kSap
+    if plant.time_step() != 0.0 and by_sap:
+        plant.AddCouplerConstraint(joint, leader, gear, offset)
 
 
 def _frames_as_parsed(joint: Joint) -> JointFrames:

@@ -96,8 +96,8 @@ class SelfModelPlant(ModelInPlant):
         """
         if arm is None:
             raise ModelError(
-                "no description of a robot, got None: give ArmDescription.from_urdf of its URDF; of "
-                "a self-model that was learned without one `nico-selfmodel export-urdf` writes one"
+                "no description of a robot, got None: give ArmDescription.from_urdf of its URDF; "
+                "`nico-selfmodel export-urdf` writes one of a self-model that was learned without"
             )
         check_open(plant)
         frames = learned_frames(arm, model.chain if model else arm.chain)

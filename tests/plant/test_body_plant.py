@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 from pydrake.math import RigidTransform
+from pydrake.multibody.inverse_kinematics import InverseKinematics
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame
+from pydrake.solvers import Solve
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import rotation_from_vector
@@ -122,6 +124,33 @@ def test_derivatives_by_a_pose_that_is_written_do_not_vanish_where_it_is_the_ide
     converted.write_poses(context, [(frame, pose)])
     p = converted.frame("ball0").CalcPoseInWorld(context).translation()
     assert ExtractGradient(p) == pytest.approx(np.eye(3))
+
+
+@pytest.mark.parametrize(("time_step", "couplers"), [(1e-3, 1), (0.0, 0)])
+def test_joints_keep_their_limits_and_what_follows_one_is_coupled_to_it(time_step, couplers):
+    model = body("torso")
+    n = len(model.tree.joints)
+    limits = np.array([np.linspace(-1.0, -0.5, n), np.linspace(0.4, 2.0, n)])
+    limits[:, -1] = [-np.inf, np.inf]
+    model = replace(model, limits=limits)
+    plant = MultibodyPlant(time_step)
+    robot = BodyPlant.add_to(plant, model)
+    plant.Finalize()
+    for i, name in enumerate(model.tree.joints):
+        joint = plant.GetJointByName(name, robot.instance)
+        assert [*joint.position_lower_limits(), *joint.position_upper_limits()] == pytest.approx(
+            [*model.reach[:, i]]
+        )
+    assert plant.num_constraints() == couplers
+    if not couplers:
+        return
+    problem = InverseKinematics(plant)
+    high = model.reach[1]
+    goal = np.where(np.isfinite(high), high + 1.0, 0.0)
+    problem.prog().AddQuadraticErrorCost(np.eye(n), goal, problem.q())
+    found = Solve(problem.prog(), np.zeros(n)).GetSolution(problem.q())
+    assert (found[:-1] <= high[:-1] + 1e-6).all()
+    assert found[-1] == pytest.approx(-0.5 * found[1], abs=1e-6)
 
 
 def test_what_does_not_fit_a_body_in_a_plant_is_refused():

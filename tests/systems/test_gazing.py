@@ -122,3 +122,33 @@ def test_the_system_that_is_told_what_cameras_see_turns_to_it_and_then_stands_st
     middle = [k for k in range(3, 11) if off[k] <= WITHIN_PX]
     assert len(middle) >= 4
     assert all(np.array_equal(commands[k + 1], commands[k], equal_nan=True) for k in middle)
+
+
+@pytest.mark.parametrize("lost", ["point", "reading"])
+def test_what_is_lost_for_one_look_is_looked_at_again_with_what_earlier_looks_told(lost):
+    _, model, nico = robot_and_model(1, wrong=False)
+    system, solver = GazeController(model), GazeSolver(model)
+    simulator = Simulator(system)
+    context = simulator.get_mutable_context()
+    now, point = nico.mechanics.servos.to_encoder(np.zeros(18)), np.array([0.6, 0.1, 0.4])
+    said, offsets = [], []
+    for k in range(7):
+        readings, told = now.copy(), point + (k > 4) * np.array([0.0, 0.1, 0.0])
+        # The point is seen beside where it is told to be.
+        cameras = solver._cameras(now).values()
+        pixels = np.concatenate([camera.project(told + 0.01) for camera in cameras])
+        if k == 3 and lost == "point":
+            told = np.full(3, np.nan)
+        elif k == 3:
+            readings[-1] = np.nan
+        for port, value in (("encoders", readings), ("p_WT", told), ("pixels", pixels)):
+            system.GetInputPort(port).FixValue(context, value)
+        simulator.AdvanceTo(0.1 * k + 0.05)
+        command = system.GetOutputPort("encoders_commanded").Eval(context)
+        now = np.where(np.isfinite(command), command, now)
+        said.append(float(system.GetOutputPort("looking").Eval(context)[0]))
+        offsets.append(context.get_discrete_state_vector().value()[-3:].copy())
+    assert said == [1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0]
+    assert np.linalg.norm(offsets[2] - 0.01) < 2e-3
+    np.testing.assert_array_equal(offsets[3], offsets[2])
+    assert np.linalg.norm(offsets[-1] - 0.01) < 2e-3

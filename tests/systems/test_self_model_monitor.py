@@ -1,6 +1,6 @@
 """A diagram that watches its own body."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -38,6 +38,17 @@ def poses(case, count, slip=0.0, seed=1, observed=False):
         body.faults.slip("right_shoulder_roll", slip)
     q = protocol.random_poses(count, np.random.default_rng(seed))
     return protocol.record(body, "poses", q, observed=observed)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What ports carry, which a data set cannot hold."""
+
+    encoders: np.ndarray
+    pixels: np.ndarray
+
+    def __len__(self):
+        return len(self.encoders)
 
 
 def watch(monitor, data, column="pixels"):
@@ -133,6 +144,20 @@ def test_a_hand_that_is_not_seen_is_no_detection(case):
     assert outputs[2][1] == outputs[1][1]
     assert np.isfinite(outputs[4][0])
     assert monitor.state_of(context).monitor.poses == 5
+
+
+def test_a_joint_that_is_not_read_is_no_detection_and_ends_nothing(case):
+    data = poses(case, 6)
+    encoders = data.encoders.copy()
+    encoders[0, 1] = encoders[3, 2] = np.nan
+    monitor = SelfModelMonitor(case[2], PERIOD)
+    outputs, context = watch(monitor, data=Shown(encoders, data.pixels))
+    assert np.isnan([outputs[0][0], outputs[3][0]]).all()
+    assert np.isfinite([outputs[k][0] for k in (1, 2, 4, 5)]).all()
+    state = monitor.state_of(context)
+    assert state.monitor.poses == 4
+    # The joint that was lost at first is watched from the next pose on.
+    assert (state.sides.side != 0.0).all()
 
 
 def test_a_model_without_cameras_watches_points(case):

@@ -171,6 +171,31 @@ def test_a_fisheye_shows_the_hand_past_90_degrees_in_any_scalars(off):
     assert [one.Evaluate() for one in told] == pytest.approx(pixels)
 
 
+@pytest.mark.parametrize("k", [{}, {"k1": -0.2, "k2": 0.05, "k3": 0.01}])
+@pytest.mark.parametrize("edge", [-1.0, 1.0])
+def test_a_hand_that_is_not_in_the_image_has_no_pixels(k, edge):
+    known, p = model(), ARM.chain.forward(Q)
+    cameras = {}
+    for side, off in (("left", 319.9), ("right", 320.6)):
+        X_WC = np.eye(4)
+        X_WC[:3, 3] = p - [edge * off / 300.0, 0.0, 1.0]
+        cameras[side] = Camera(300.0, 300.0, 319.5, 239.5, (640, 480), X_WC=X_WC)
+    X_WC = np.eye(4)
+    X_WC[:3, 3] = p - [3.0, 0.0, 0.3]
+    predictor = SelfModelPredictor(replace(known, cameras=cameras))
+    for system, readings in (
+        (predictor, Q),
+        (predictor.ToAutoDiffXd(), InitializeAutoDiff(Q).ravel()),
+    ):
+        pixels = output(system, "pixels_predicted", readings)
+        pixels = pixels if pixels.dtype == float else ExtractValue(pixels).ravel()
+        assert pixels[0] == pytest.approx(319.5 + edge * 319.9)
+        assert np.isnan(pixels).tolist() == [False, False, True, True]
+    aside = Camera(300.0, 300.0, 320.0, 240.0, (640, 480), X_WC=X_WC, **k)
+    predictor = SelfModelPredictor(replace(known, cameras={"left": aside, "right": aside}))
+    assert np.isnan(output(predictor, "pixels_predicted")).all()
+
+
 def test_a_diagram_from_angles_through_encoders_to_the_hand_converts():
     known = geared()
     builder = DiagramBuilder()

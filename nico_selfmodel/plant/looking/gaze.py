@@ -100,6 +100,11 @@ class GazeSolver:
         """Names of the joints that are turned."""
         return tuple(self.model.tree.joints[i] for i in self.head.tolist())
 
+    @property
+    def read(self) -> NDArray:
+        """Which joints have encoders, and do not follow others. Boolean, shape (n,)."""
+        return np.asarray(self.model.tree.coupling).diagonal() != 0.0
+
     def at_point(
         self,
         readings: ArrayLike,
@@ -228,9 +233,8 @@ class GazeSolver:
         tree = self.model.tree
         if now.shape != (len(tree.joints),):
             raise ValueError(f"readings must have shape ({len(tree.joints)},), got {now.shape}")
-        read = np.asarray(tree.coupling).diagonal() != 0.0
-        if not np.isfinite(now[read]).all():
-            raise ValueError(f"readings must be finite, got {now[read]}")
+        if not np.isfinite(now[self.read]).all():
+            raise ValueError(f"readings must be finite, got {now[self.read]}")
         return now
 
     def _aim(self, sensor: int) -> Frame:

@@ -15,11 +15,11 @@ class GazeController(LeafSystem):
 
     | port | | carries |
     |---|---|---|
-    | `encoders` | in | readings of all joints of the body [encoder units] |
-    | `p_WT` | in | x y z of the point to look at [m]; not there where a marker is looked at |
+    | `encoders` | in | readings of all joints of the body, nan of one not read [encoder units] |
+    | `p_WT` | in | x y z of the point to look at, nan where nobody knows [m]; no port of a marker |
     | `pixels` | in | where its cameras see it, u v of each, nan where not [px]; may stay open |
     | `encoders_commanded` | out | where the head shall go, nan for the rest [encoder units] |
-    | `looking` | out | 1 where the point is in reach, else 0: the head's are nan too then |
+    | `looking` | out | 1 where the point is known and in reach; else 0, and the head's are nan |
 
     It looks anew every `period`, and stands still in between. Told what its cameras see, it looks
     at where the point is seen, in the mean over looks, and stands still while that is in the
@@ -57,6 +57,10 @@ class GazeController(LeafSystem):
     def _look(self, context: Context, update: DiscreteValues) -> None:
         now = np.asarray(self._encoders.Eval(context), dtype=float)
         command, looking, off = self._state(context)
+        nowhere = np.full(len(now), np.nan)
+        if not self._known(context, now):
+            update.set_value(_as_state(nowhere, 0.0, off))
+            return
         try:
             expected = self._expected(context, now)
             if seen := self._seen(context):
@@ -67,11 +71,16 @@ class GazeController(LeafSystem):
                     return
             found = self._solver.at_point(now, expected + off.offset)
         except ModelError:
-            update.set_value(_as_state(np.full(len(now), np.nan), 0.0, SeenOff()))
+            update.set_value(_as_state(nowhere, 0.0, SeenOff()))
             return
-        command = np.full(len(now), np.nan)
+        command = nowhere
         command[self._solver.head] = found.readings[self._solver.head]
         update.set_value(_as_state(command, 1.0, off))
+
+    def _known(self, context: Context, now: NDArray) -> bool:
+        """Whether all joints are read, and the point is known."""
+        read = np.isfinite(now[self._solver.read]).all()
+        return bool(read and (self._marker or np.isfinite(self._point.Eval(context)).all()))
 
     def _expected(self, context: Context, now: NDArray) -> NDArray:
         if self._marker is not None:

@@ -37,7 +37,7 @@ class MonitorState:
     sides: Sides
     """From which side each joint came, by successive readings."""
     nis: float = np.nan
-    """Of the last pose; nan where the hand was not seen."""
+    """Of the last pose; nan where the hand was not seen, or a joint not read."""
     recent: PoseResiduals | None = None
     """The last poses, for the diagnosis."""
     since: int | None = None
@@ -51,9 +51,9 @@ class SelfModelMonitor(LeafSystem):
 
     | port | | carries |
     |---|---|---|
-    | `encoders` | in | encoder readings, in the encoders' units |
+    | `encoders` | in | encoder readings, in the encoders' units, nan of a joint that is not read |
     | `pixels` | in | left u, v and right u, v of the hand, nan where a camera did not see it [px] |
-    | `nis` | out | normalised innovation squared of the last pose, nan where nothing was seen |
+    | `nis` | out | normalised innovation squared of the last pose, nan if not seen or read |
     | `log_ratio` | out | statistic ln R; above `monitor.THRESHOLD` something changed |
     | `alarm` | out | 1 once something changed, else 0 |
     | `cause` | out | what changed in words, empty before the alarm (abstract, str) |
@@ -117,7 +117,7 @@ class SelfModelMonitor(LeafSystem):
         holder = state.get_mutable_abstract_state(int(self._state))
         # A camera needs both of its coordinates, a point all three.
         by_camera = np.isfinite(seen).reshape((2, 2) if self._by_pixels else (1, 3)).all(axis=1)
-        if not by_camera.any():
+        if not by_camera.any() or not np.isfinite(encoders).all():
             holder.set_value(replace(before, nis=np.nan))
             return
         pose = self._pose(encoders, seen, before.sides)

@@ -35,7 +35,8 @@ def SelfModelPredictor_(T: Any) -> Any:
 
         `pixels_predicted` is there only if the self-model has both cameras. What else blocks the
         view, as the body itself, is not in the prediction; nor is the border of the view where it
-        is an `Expression`. A diagram with it converts to AutoDiff and symbolic.
+        is an `Expression`. A diagram with it converts to AutoDiff and symbolic; expressions of an
+        arm that bends are too large to be evaluated.
         """
 
         def _construct(
@@ -96,11 +97,19 @@ def _hand(system: Any, context: Any) -> NDArray:
 def _pixels_of(T: Any, rig: StereoRig, p_WH: NDArray) -> NDArray:
     """Return pixels of a point in both cameras. Shape (4,)."""
     if T is float:
-        return rig.project(p_WH)
+        return _in_view(rig, p_WH)
     pixels = []
     for camera in rig.cameras:
         pixels += list(camera.pixels_of_points(apply(camera.X_CW, p_WH)))
     if T is AutoDiffXd:
-        seen = np.isfinite(rig.project(ExtractValue(p_WH).ravel()))
+        seen = np.isfinite(_in_view(rig, ExtractValue(p_WH).ravel()))
         pixels = [u if there else np.nan for u, there in zip(pixels, seen, strict=True)]
     return np.array(pixels, dtype=object)
+
+
+def _in_view(rig: StereoRig, p_WH: NDArray) -> NDArray:
+    """Return pixels of a point, nan in a camera in whose image it is not. Shape (4,)."""
+    pixels = rig.project(p_WH).reshape(2, 2)
+    size = np.array([camera.image_size for camera in rig.cameras])
+    inside = (pixels >= -0.5) & (pixels <= size - 0.5)  # a pixel's middle has whole numbers
+    return np.where(inside.all(axis=1, keepdims=True), pixels, np.nan).ravel()
