@@ -23,7 +23,6 @@ def serve() -> None:
     from nico_selfmodel.systems import ImageQuality, MotionCaptureSender, NicoStation
 
     with MotionCaptureServer(MARKERS) as server:
-        print(server.address[1], flush=True)
         builder = DiagramBuilder()
         nico = builder.AddSystem(NicoStation("thesis", 1, quality=ImageQuality(1)))
         sender = builder.AddSystem(MotionCaptureSender(server, rate=50.0))
@@ -34,6 +33,8 @@ def serve() -> None:
         arm = nico.arm
         command = commands_of_angles(nico.joints, arm.lower, arm.upper, pose)[0]
         nico.GetInputPort("encoders_commanded").FixValue(context, command)
+        # A reader waits for a frame from when it has the port.
+        print(server.address[1], flush=True)
         while server.clients == 0:
             time.sleep(0.05)
         simulator.set_target_realtime_rate(1.0)

@@ -25,6 +25,21 @@ class SelfModelError(Exception):
         self.partial = partial
 
 
+def check_kind(value: object, kind: type, cure: str) -> None:
+    """Refuse a value of another type, whose attributes would be missed later.
+
+    Args:
+        kind: What is expected.
+        cure: What to give in its place.
+
+    Raises:
+        TypeError: If it is none.
+    """
+    if not isinstance(value, kind):
+        got = type(value).__name__
+        raise TypeError(f"a {kind.__name__} is expected, got a {got}: {cure}")
+
+
 class ModelError(SelfModelError):
     """A self-model, or a file that should hold one, is not valid."""
 

@@ -52,7 +52,9 @@ class CalibrationProgram:
     """Named decision variables, fixed ones, priors and residual blocks.
 
     `prog` is the very same problem as a MathematicalProgram, for SNOPT, IPOPT and whatever else
-    Drake has. It is made when it is asked for. The program knows nothing of robots.
+    Drake has. It is made when it is asked for. What is added to `prog`, as constraints, counts in
+    the solvers of Drake that `prog` is given to, not in the Levenberg-Marquardt solver, and not in
+    the `prog` of a start or variables that changed. The program knows nothing of robots.
     """
 
     def __init__(self) -> None:

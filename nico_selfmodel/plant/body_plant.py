@@ -1,5 +1,6 @@
 """A learned body, a tree of joints with markers and sensors, in a Drake plant."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -19,7 +20,7 @@ from pydrake.multibody.tree import (
     SpatialInertia,
 )
 
-from nico_selfmodel.errors import ModelError
+from nico_selfmodel.errors import ModelError, check_kind
 from nico_selfmodel.geometry.rotation import frame_along
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_model import BodyModel
@@ -79,10 +80,14 @@ class BodyPlant(ModelInPlant):
             The body, with which readings and other bodies are written into contexts.
 
         Raises:
-            ModelError: If the plant is finalized, has a model of this name, or not this frame.
+            ModelError: If the plant is finalized, has a model of this name, or not this frame, or
+                two frames of the body would have one name.
+            TypeError: If it is no body.
         """
+        check_kind(model, BodyModel, "give a body; a self-model is in a plant by SelfModelPlant")
         name, tree = name or model.name, model.tree
         check_open(plant, name)
+        _check_names(tree)
         root = parent_frame(plant, frame)
         instance = plant.AddModelInstance(name)
         links: list[Frame] = []
@@ -140,7 +145,8 @@ class BodyPlant(ModelInPlant):
             readings: Encoder angles [rad] or lengths [m] (`BodyModel.readings`), zero where a joint
                 has no encoder. Shape (n,).
             flanges: Poses that controllers read, used where a joint is one. Shape (n, 4, 4).
-            model: Whose gears and coupling to use; those of the plant's body if omitted.
+            model: Whose gears and coupling to use, and what bends: the body that was written into
+                the context. The one that the plant was built with if omitted.
 
         Raises:
             ValueError: If `readings` is not n finite numbers, or a flange's pose is missing.
@@ -183,6 +189,21 @@ class BodyPlant(ModelInPlant):
             names = [item.name for item in (*self.tree.markers, *self.tree.sensors)]
             refuse_unknown("marker or sensor", name, names)
         return self.plant.GetFrameByName(name, self.instance)
+
+
+def _check_names(tree: BodyTree) -> None:
+    """Refuse a body of which two frames would have one name in a plant.
+
+    Raises:
+        ModelError: If there are such.
+    """
+    items = [item.name for item in (*tree.markers, *tree.sensors)]
+    names = Counter([*tree.joints, *(frame_names(joint)[0] for joint in tree.joints), *items])
+    if twice := [name for name, count in names.items() if count > 1]:
+        raise ModelError(
+            f"two frames of the body would be called {twice[0]!r} in a plant, where joints have "
+            "one of their name and one with _F: rename the marker, sensor or joint"
+        )
 
 
 def _couple(plant: MultibodyPlant, instance: ModelInstanceIndex, tree: BodyTree) -> None:

@@ -69,12 +69,22 @@ def frame_names(joint: str) -> tuple[str, str]:
     return f"{joint}_F", f"{joint}_M"
 
 
-def check_placeable(tree: KinematicTree) -> None:
+def check_placeable(tree: KinematicTree, root: str) -> None:
     """Refuse a robot that hangs on the world by a joint that cannot be moved to where it stands.
 
+    Args:
+        root: The link that is placed.
+
     Raises:
-        ModelError: If it is neither fixed nor revolute.
+        ModelError: If it is neither fixed nor revolute, or a frame is called as one made here.
     """
+    made = {name for joint in _ours(tree) for name in frame_names(joint)} | {_placement(root)}
+    taken = sorted(made & {frame.name() for frame in tree.frames})
+    if taken:
+        raise ModelError(
+            f"{tree.urdf} has a frame {taken[0]!r}, as one that is made for a joint or the root: "
+            "rename it"
+        )
     for joint in tree.joint_above.values():
         fit = isinstance(joint, RevoluteJoint | WeldJoint)
         if joint.parent_body().name() == WORLD and not fit:
@@ -110,11 +120,7 @@ def add_robot(
     Raises:
         ModelError: If Drake cannot read the robot.
     """
-    ours = {
-        joint.name(): joint
-        for joint in tree.joint_above.values()
-        if isinstance(joint, RevoluteJoint) or joint.parent_body().name() == WORLD
-    }
+    ours = _ours(tree)
     text, followers = _without_joints(tree, name, set(ours))
     instance = parse(plant, tree.urdf, text)
     hung: dict[str, NDArray] = {}
@@ -135,6 +141,20 @@ def add_robot(
     return instance, hung
 
 
+def _ours(tree: KinematicTree) -> dict[str, Joint]:
+    """Return the joints, by name, that are made anew."""
+    return {
+        joint.name(): joint
+        for joint in tree.joint_above.values()
+        if isinstance(joint, RevoluteJoint) or joint.parent_body().name() == WORLD
+    }
+
+
+def _placement(root: str) -> str:
+    """Return the name of the frame on which a root link is placed."""
+    return f"{root}_placement"
+
+
 def place_root(
     plant: MultibodyPlant, instance: ModelInstanceIndex, root: str, parent: Frame, X_PR: NDArray
 ) -> str:
@@ -143,7 +163,7 @@ def place_root(
     Returns:
         The frame's name.
     """
-    name = f"{root}_placement"
+    name = _placement(root)
     frame = add_frame(plant, instance, name, parent, X_PR)
     plant.WeldFrames(frame, plant.GetFrameByName(root, instance))
     return name

@@ -128,6 +128,12 @@ class KinematicTree:
         return [WORLD, *names] if WORLD in above and WORLD not in names else names
 
     @property
+    def frames(self) -> list[Frame]:
+        """All frames of the robot, those of its links too."""
+        indices = self.plant.GetFrameIndices(self.instance)
+        return [self.plant.get_frame(index) for index in indices]
+
+    @property
     def roots(self) -> list[str]:
         """Names of the links that hang on no joint."""
         return [link for link in self.links if link not in self.joint_above]

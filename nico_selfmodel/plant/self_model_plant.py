@@ -11,7 +11,7 @@ from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import Frame
 
-from nico_selfmodel.errors import ModelError
+from nico_selfmodel.errors import ModelError, check_kind
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed, refuse_unknown
 from nico_selfmodel.plant.description import ArmDescription
@@ -33,6 +33,10 @@ from nico_selfmodel.plant.model_in_plant import (
 )
 from nico_selfmodel.plant.urdf_document import hand_frame_name
 
+_DESCRIBED = (
+    "give ArmDescription.from_urdf of its URDF; `nico-selfmodel export-urdf` writes one of a "
+    "self-model that was learned without"
+)
 TIME_STEP = 1e-3
 """Of a plant that is made here [s].
 
@@ -91,18 +95,18 @@ class SelfModelPlant(ModelInPlant):
 
         Raises:
             ModelError: If the plant is finalized, has a model of this name or not this frame, the
+                robot has a frame that is called as one of those made here, the
                 self-model has no arm or other joints, or Drake cannot read the robot. All but what
                 only Drake finds (a mesh that is missing) leaves the plant as it was.
+            TypeError: If there is no description, or no self-model but something else.
         """
-        if arm is None:
-            raise ModelError(
-                "no description of a robot, got None: give ArmDescription.from_urdf of its URDF; "
-                "`nico-selfmodel export-urdf` writes one of a self-model that was learned without"
-            )
+        check_kind(arm, ArmDescription, _DESCRIBED)
+        if model is not None:
+            check_kind(model, SelfModel, "give a self-model; a body is in a plant by BodyPlant")
         check_open(plant)
         frames = learned_frames(arm, model.chain if model else arm.chain)
         tree = KinematicTree.from_urdf(arm.urdf)
-        check_placeable(tree)
+        check_placeable(tree, arm.links.root_link)
         name = name or tree.name
         check_open(plant, name, _hands(name))
         frame = parent_frame(plant, frame)
@@ -160,6 +164,9 @@ class SelfModelPlant(ModelInPlant):
     def write(self, context: Any, model: SelfModel) -> None:
         """Write a self-model into a context; other contexts stay as they are.
 
+        `set_positions` reads by the self-model that the plant was built with, unless it is given
+        this one: give it.
+
         Args:
             context: The plant's context, or the root context of its diagram.
             model: The self-model; its tracked points must have frames in the plant.
@@ -213,7 +220,8 @@ class SelfModelPlant(ModelInPlant):
         Args:
             context: The plant's context, or the root context of its diagram.
             readings: In the encoders' own units. Shape (n,).
-            model: Whose servo map to use; the plant's own if omitted.
+            model: Whose servo map to use, and what bends: the one that was written into the
+                context. The one that the plant was built with if omitted.
 
         Raises:
             ValueError: If `readings` is not n finite numbers, or there is no model to read them

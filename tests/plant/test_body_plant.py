@@ -175,6 +175,12 @@ def test_what_does_not_fit_a_body_in_a_plant_is_refused():
     for bad in (np.nan, np.inf):
         with pytest.raises(ValueError, match=f"'joint1' must go to a finite position, got {bad}"):
             robot.set_readings(context, [0.0, bad, 0.0, 0.0, 0.0, 0.0])
+    with pytest.raises(TypeError, match="BodyModel is expected, got a BodyTree: give a body"):
+        BodyPlant.add_to(MultibodyPlant(0.0), model.tree)
+    named = model.tree.with_markers((Attached("joint1_F", 2), *model.tree.markers[1:]))
+    with pytest.raises(ModelError, match="two frames of the body would be called 'joint1_F'"):
+        BodyPlant.add_to(other := MultibodyPlant(0.0), replace(model, tree=named))
+    assert other.num_model_instances() == 2
     on_a_flange = MultibodyPlant(0.0)
     robot = BodyPlant.add_to(on_a_flange, body("flange"))
     on_a_flange.Finalize()

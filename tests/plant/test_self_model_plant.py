@@ -259,6 +259,21 @@ def test_a_robot_keeps_its_bushing(on_the_world):
     assert plant.num_force_elements() == 2  # and gravity
 
 
+@pytest.mark.parametrize("name", ["joint2_F", "joint2_M", "base_placement"])
+def test_a_frame_that_is_called_as_one_made_here_is_refused_and_leaves_the_plant(
+    tmp_path, urdf_text, name
+):
+    frame = f'<frame name="{name}" link="link3" xyz="0 0 0" rpy="0 0 0"/></robot>'
+    (tmp_path / "robot.urdf").write_text(urdf_text("six").replace("</robot>", frame))
+    arm, plant = (
+        ArmDescription.from_urdf(tmp_path / "robot.urdf", tip_link="ball"),
+        MultibodyPlant(0.0),
+    )
+    with pytest.raises(ModelError, match=f"has a frame {name!r}.*: rename it"):
+        SelfModelPlant.add_to(plant, arm)
+    assert (plant.num_bodies(), plant.num_model_instances()) == (1, 2)
+
+
 def test_what_does_not_fit_is_refused(describe, learn):
     arm, neck = describe("right_arm"), describe("neck")
     model, robot = learn(arm.chain), SelfModelPlant.from_urdf(arm)
@@ -280,8 +295,10 @@ def test_what_does_not_fit_is_refused(describe, learn):
         robot.set_positions(context, [1.0, 2.0], model)
     with pytest.raises(ValueError, match="built without a self-model"):
         robot.set_positions(context, np.zeros(4))
-    with pytest.raises(ModelError, match="no description of a robot, got None"):
+    with pytest.raises(TypeError, match="ArmDescription is expected, got a NoneType: give"):
         SelfModelPlant.from_urdf(ArmDescription.of_model(learn(arm.chain)), learn(arm.chain))
+    with pytest.raises(TypeError, match="SelfModel is expected, got a Chain: give a self-model"):
+        SelfModelPlant.from_urdf(arm, arm.chain)
 
 
 def test_the_frames_of_a_nominal_joint_hold_its_denavit_hartenberg_row(describe, learn):

@@ -17,7 +17,11 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.systems.tracking.self_model_predictor import SelfModelPredictor
-from nico_selfmodel.systems.tracking.servo_maps import AnglesToEncoders, EncodersToAngles
+from nico_selfmodel.systems.tracking.servo_maps import (
+    AnglesToEncoders,
+    EncodersToAngles,
+    LoadedAngles,
+)
 
 ARM = ArmDescription.named("nico")
 Q = np.radians([-50.0, 30.0, -20.0, -75.0])
@@ -94,6 +98,16 @@ def test_a_hand_behind_the_cameras_has_no_pixels():
 def test_what_is_not_known_is_nan_and_what_is_not_there_has_no_port():
     assert np.isnan(output(SelfModelPredictor(model(known=False)), "covariance")).all()
     assert not SelfModelPredictor(model(cameras=False)).HasOutputPort("pixels_predicted")
+
+
+@pytest.mark.parametrize("system", [EncodersToAngles, AnglesToEncoders, LoadedAngles])
+def test_systems_of_joints_refuse_what_does_not_know_them(system):
+    known = model()
+    wrong = known.servos if system is LoadedAngles else known
+    with pytest.raises(TypeError, match=f"is expected, got a {type(wrong).__name__}: give the"):
+        system(wrong)
+    with pytest.raises(TypeError, match="SelfModel is expected, got a ServoMap"):
+        SelfModelPredictor(known.servos)
 
 
 def test_a_model_without_an_arm_or_marker_is_refused():

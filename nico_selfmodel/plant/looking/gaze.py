@@ -9,7 +9,7 @@ from pydrake.multibody.inverse_kinematics import InverseKinematics
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, Frame
 
-from nico_selfmodel.errors import ModelError
+from nico_selfmodel.errors import ModelError, check_kind
 from nico_selfmodel.geometry.rotation import frame_along
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.camera import Camera
@@ -80,8 +80,10 @@ class GazeSolver:
             cameras: Those that shall look; all that joints carry if empty.
 
         Raises:
+            TypeError: If it is no body.
             ModelError: If it has no such camera, or no joint turns one, or a joint is a flange.
         """
+        check_kind(model, BodyModel, "give a learned body, with joints that turn cameras")
         tree = model.tree
         self.model, self.cameras = model, _looking(tree, cameras)
         moving = np.any([tree.beyond[tree.sensors[i].on] for i in self.cameras], axis=0)

@@ -76,7 +76,9 @@ class BodyImage(Closable, LeafSystem):
     are those of the robot's description, colours too unless it is painted, and the light is the
     simulated room's, which stands as the robot does unless it is turned. A
     mirror shows the body as the reflected camera sees it (`mirror_camera`), and what of the body is
-    before the glass hides it; the glass is taken to be as large as the picture. Close it after use:
+    before the glass hides it; the glass is taken to be as large as the picture. How it stands, its
+    paints and the light are the system's, not a context's: all contexts share them, and a port that
+    was evaluated shows what they were until `encoders` or `mirror` change. Close it after use:
     its renderer takes 50 MB.
 
     Raises:

@@ -20,7 +20,8 @@ class MotionCapture(Closable, LeafSystem):
     | `p_WH_measured` | out | measured positions in the tracker's frame W, nan where lost [m] |
     | `frame_number` | out | how many frames were taken since time 0 |
 
-    Within one frame nothing changes. Noise and drop-outs depend on the seed and the frame's number.
+    Positions are those of the moment at which they are asked for; noise and drop-outs depend on the
+    seed and the frame's number, and stay the same within one frame.
     """
 
     def __init__(
@@ -74,7 +75,9 @@ class MotionCapture(Closable, LeafSystem):
 
     def _measure(self, context: Context, vector: BasicVector) -> None:
         p_BH = np.reshape(self._positions.Eval(context), (-1, 3))
-        rng = np.random.default_rng([*self._seed, 3, self._frame(context)])
+        frame = self._frame(context)
+        # Time may begin before zero, seeds may not.
+        rng = np.random.default_rng([*self._seed, 3 if frame >= 0 else 4, abs(frame)])
         p_WH = apply(self.__X_WB, p_BH) + rng.normal(0.0, 1.0, p_BH.shape) * self._sigma
         lost = rng.random(len(p_BH)) < self._dropout
         vector.SetFromVector(np.where(lost[:, None], np.nan, p_WH).ravel())

@@ -76,8 +76,9 @@ class NicoStation(Closable, Diagram):
 
     A station with a mirror has `mirror_pose` (in: pose of the mirror in the frame of the arm's
     base, a `RigidTransform`; away if not connected) and `reflected_pixels`, `reflected_seen`,
-    `reflected_reasons` (out: as the `hand_` ports, of the reflections). One with another robot has
-    `other_commanded` (in: as `encoders_commanded`, of that robot's servos), which must be given.
+    `reflected_reasons` (out: as `pixels`, `seen` and `reasons`, of the reflections). One with
+    another robot has `other_commanded` (in: as `encoders_commanded`, of that robot's servos), which
+    must be given.
 
     A station of real servos and cameras can have the same ports. What only the simulation knows,
     the true geometry, pose and lenses, has none; nor has the light, nor who holds the chessboard.

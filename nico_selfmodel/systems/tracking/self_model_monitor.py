@@ -12,7 +12,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 from nico_selfmodel.dataset.approach import Sides
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
-from nico_selfmodel.errors import ModelError
+from nico_selfmodel.errors import ModelError, check_kind
 from nico_selfmodel.estimation.monitoring.diagnosis import Diagnosis, hypotheses, ranked_causes
 from nico_selfmodel.estimation.monitoring.health import dated
 from nico_selfmodel.estimation.monitoring.monitor import Monitor
@@ -73,10 +73,12 @@ class SelfModelMonitor(LeafSystem):
             marker: Which tracked point; the first one if omitted.
 
         Raises:
+            TypeError: If it is no self-model.
             ModelError: If the model does not say how well it is known, or what noise to expect.
             ValueError: If there is no such marker, or the period is not positive.
         """
         super().__init__()
+        check_kind(model, SelfModel, "give a self-model; a body is checked by check_health")
         if not period > 0.0:
             raise ValueError(f"period must be positive, got {period}")
         if model.covariance is None:

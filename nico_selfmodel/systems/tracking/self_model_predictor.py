@@ -11,7 +11,7 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from nico_selfmodel.errors import ModelError
+from nico_selfmodel.errors import ModelError, check_kind
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
@@ -42,17 +42,15 @@ def SelfModelPredictor_(T: Any) -> Any:
         def _construct(
             self, model: SelfModel, marker: str | None = None, *, converter: Any = None
         ) -> None:
-            """Take a self-model.
-
-            Args:
-                marker: Which tracked point; the first one if omitted.
-                converter: Between scalars, Drake's own business.
+            """Take a self-model, and a tracked point of it, the first one if omitted.
 
             Raises:
                 ModelError: If the model has no arm.
+                TypeError: If it is no self-model.
                 ValueError: If there is no such marker.
             """
             LeafSystem_[T].__init__(self, converter)
+            check_kind(model, SelfModel, "give a self-model; a body is in a plant by BodyPlant")
             if not model.has_arm:
                 raise ModelError(f"self-model {model.name!r} has no arm to predict: learn it first")
             self.model, self.marker = model, model.markers[0] if marker is None else marker

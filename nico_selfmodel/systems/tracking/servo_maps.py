@@ -10,15 +10,23 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from nico_selfmodel.errors import check_kind
+from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.systems.scalars import of_scalars, quiet
 
 
 def _joint_map(
-    name: str, ports: tuple[str, str], mapped: Callable[[Any, NDArray], NDArray], about: str
+    name: str,
+    ports: tuple[str, str],
+    kind: tuple[type, str],
+    mapped: Callable[[Any, NDArray], NDArray],
+    about: str,
 ) -> Any:
     """Return the template of a system with one number a joint in, and one a joint out.
 
     Args:
+        kind: Of what is known of the joints, and what to say of anything else.
         mapped: Returns what goes out, of what is known of the joints and what comes in.
         about: What the system is.
     """
@@ -29,6 +37,7 @@ def _joint_map(
             def _construct(self, known: Any, *, converter: Any = None) -> None:
                 """Take a servo map, or a self-model where the arm's load counts."""
                 LeafSystem_[T].__init__(self, converter)
+                check_kind(known, *kind)
                 self.known = known
                 n = len(known.joints)
                 self._given = self.DeclareVectorInputPort(ports[0], n)
@@ -53,6 +62,7 @@ def _joint_map(
 EncodersToAngles_ = _joint_map(
     "EncodersToAngles",
     ("encoders", "q_measured"),
+    (ServoMap, "give the servo map of a self-model, model.servos"),
     lambda servos, readings: servos.to_joint(readings),
     """Angles of the joints at encoder readings, q = (sign * radians - offset) / gear.
 
@@ -67,6 +77,7 @@ EncodersToAngles_ = _joint_map(
 AnglesToEncoders_ = _joint_map(
     "AnglesToEncoders",
     ("q_commanded", "encoders_commanded"),
+    (ServoMap, "give the servo map of a self-model, model.servos"),
     lambda servos, angles: servos.to_encoder(angles),
     """What encoders will read where joints shall go: commands for any station or driver.
 
@@ -81,6 +92,7 @@ AnglesToEncoders_ = _joint_map(
 LoadedAngles_ = _joint_map(
     "LoadedAngles",
     ("encoders", "q_loaded"),
+    (SelfModel, "give the self-model, which knows what bends"),
     lambda model, readings: model.posture(model.servos.to_joint(readings)).q,
     """Angles to which the joints turn, sag, ripple and coupling included; quasi-static.
 
