@@ -109,6 +109,35 @@ def test_wrong_rows_are_found_out(looked):
     assert found.model.tree.mirror("near").plane.offset == pytest.approx(plane.offset, abs=1e-4)
 
 
+def before_two(seed, off, poses=10):
+    """Return a Nico before a mirror and before the same, which was moved, as one recording."""
+    moved = Mirror.from_values(DEFAULT_MIRROR.values + off)
+    first, second = (
+        session_before_mirrors(STIFF, seed, k, {"glass": mirror}, poses=poses).data
+        for k, mirror in enumerate((DEFAULT_MIRROR, moved))
+    )
+    return joined(first, second, "both"), int(first.sample.max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [3, 4])
+@pytest.mark.parametrize("off", [(0.0, 0.0, 0.005), (0.005, 0.0, 0.0)])
+def test_a_mirror_that_was_moved_in_between_is_named_and_no_joint(seed, off):
+    data, last = before_two(seed, np.array(off))
+    verdict = judge(calibrate_body_mirrors(data, knowing_body(STIFF, seed, data)).found)
+    assert verdict.status == "FAIL"
+    assert verdict.reasons[0].startswith("mirror 'glass' moved by about ")
+    assert f"after sample {last}: learn from one part alone" in verdict.reasons[0]
+    assert not any("joint" in reason for reason in verdict.reasons)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "poses"), [(3, 10), (4, 10), (5, 10), (3, 6)])
+def test_of_a_mirror_that_stood_still_nothing_is_said(seed, poses):
+    data, _ = before_two(seed, np.zeros(3), poses)
+    assert calibrate_body_mirrors(data, knowing_body(STIFF, seed, data)).found.meanwhile is None
+
+
 @pytest.mark.slow
 def test_sigmas_of_planes_are_honest_where_the_body_is_exact():
     total = []

@@ -117,6 +117,8 @@ class TreeCalibration:
     """Markers that were seen too seldom to be placed, and how often."""
     anew: bool = False
     """Whether a few parameters of a known body were learned, which here is taken for exact."""
+    meanwhile: Change | None = None
+    """What changed in the middle of a recording of a known body, where that was asked."""
     late: Change | None = None
     """What is of another moment than the rest, if anything is."""
     by_description: DescribedScale | None = None

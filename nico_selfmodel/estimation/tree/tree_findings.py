@@ -81,7 +81,7 @@ def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     size = described_size(calibration)
     unexplained = [*unexplained_sensors(calibration), *flange_misfits(calibration)]
     bend, asked = ladder.solution, not (calibration.anew or unexplained)
-    change = moved_meanwhile(bend.problem, bend.solution) if asked else None
+    change = moved_meanwhile(bend.problem, bend.solution) if asked else calibration.meanwhile
     gears = _doubtful_gears(calibration)
     rigid = ladder.kept and not ladder.adopted  # is told what it would gain
     asked = asked and not (gears or rigid or (change is not None and change.explains))

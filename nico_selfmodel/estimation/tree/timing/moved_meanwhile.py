@@ -7,7 +7,7 @@ before is no noise. Wrong detections here and there do not.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,8 @@ _FEWEST_WHOLE = 2 * (MARGIN + 1)
 """Poses of one flange that are told and seen whole, or by corners that tell as much, below which no
 change is looked for: each tells six numbers of twelve that are unknown, where those of an arm are
 `FEWEST_VISITS`."""
+_FEWEST_OF_KNOWN = 14
+"""Poses of a known body below which no change is looked for."""
 _FEWEST_CORNERS = 6
 """Corners of known place in most pictures of a camera that is taken to tell whole poses."""
 _AT_ONCE = 0.5
@@ -55,29 +57,61 @@ _MOST_NUMBERS = 1e7
 _MOST_SPANS, _FEWEST_SPANS = 400, 20
 
 
-def moved_meanwhile(problem: TreeProblem, solution: TreeSolution) -> Change | None:
+@dataclass(frozen=True, eq=False)
+class Granted:
+    """What a body that is known may err by at all times, while a part of it was learned anew."""
+
+    learned: NDArray
+    """Places of what was learned among what is free. Shape (p,)."""
+    may_err: NDArray
+    """Ways in which what is free may err, each as large as it is expected to be: their coordinates
+    are N(0, 1). Shape (free, m)."""
+
+    @property
+    def ways(self) -> NDArray:
+        """Changes of what is free by what was learned, then by errors. Shape (free, p + m)."""
+        return np.hstack([np.eye(len(self.may_err))[:, self.learned], self.may_err])
+
+    @property
+    def prior(self) -> NDArray:
+        """What is known of these beforehand: one standard deviation is likely. (m, p + m)."""
+        return np.eye(self.may_err.shape[1] + len(self.learned))[len(self.learned) :]
+
+
+def moved_meanwhile(
+    problem: TreeProblem, solution: TreeSolution, granted: Granted | None = None
+) -> Change | None:
     """Find what changed in the middle of a recording.
+
+    Args:
+        granted: Of a body that is known, what it may err by; all that is free is learned else.
 
     Returns:
         The change that explains most, or None where there is none.
     """
     seen, data = problem.observations, problem.observations.data
     rank, timed = _order(problem)
-    if len(np.unique(rank[timed])) < _fewest(data) or not solution.variances_known:
+    fewest = _fewest(data) if granted is None else _FEWEST_OF_KNOWN
+    if len(np.unique(rank[timed])) < fewest or not solution.variances_known:
         return None
     last = np.full(rank.max() + 1, np.iinfo(data.sample.dtype).min)
     np.maximum.at(last, rank[timed], data.sample[timed])
     linear = problem.residuals.linear(solution.values)
-    groups, columns = _groups(problem, linear, solution)
+    ways = np.eye(len(problem.free_names)) if granted is None else granted.ways
+    groups, columns = _groups(problem, linear, solution, ways.shape[1])
     far = np.sqrt(seen.per_row((linear.r / problem.scale) ** 2))
     lone = lone_outliers(data, solution.outliers, far)
     row = seen.row[~lone[seen.row]]
-    white, left = _left(problem, solution, linear, columns, rank[seen.sample], lone)
+    white, left = _left(problem, solution, linear, ways, columns, rank[seen.sample], lone)
     size = white.shape[1] ** 2
     most = int(np.clip(_MOST_NUMBERS / size, _FEWEST_SPANS, _MOST_SPANS))
-    free = len(problem.free_names)
-    prior = solution.whitened[-len(problem.priors) or len(solution.whitened) :]
-    pulled = prior * left.scale[:free], -solution.rest[len(solution.rest) - len(prior) :]
+    free = ways.shape[1]
+    if granted is None:
+        prior = solution.whitened[-len(problem.priors) or len(solution.whitened) :]
+        pull = -solution.rest[len(solution.rest) - len(prior) :]
+    else:
+        prior, pull = granted.prior, np.zeros(granted.may_err.shape[1])
+    pulled = prior * left.scale[:free], pull
     sums = ScoreSums.of(white, left.visit, left, np.arange(free), last, pulled, row, most)
 
     def mixed(found: CourseFound) -> bool:
@@ -86,7 +120,7 @@ def moved_meanwhile(problem: TreeProblem, solution: TreeSolution) -> Change | No
 
     change = likeliest_change(sums, groups, mixed)
     often = solution.slipped.mean(axis=0) > MOST_SLIPS
-    if change is not None and change.explains and not often.any():
+    if change is not None and (granted or (change.explains and not often.any())):
         return change
     jump = _jumped(problem, solution)
     if change is None or (jump and (not change.explains or jump.ratio > change.ratio)):
@@ -204,6 +238,7 @@ def _left(
     problem: TreeProblem,
     solution: TreeSolution,
     linear: TreeLinear,
+    ways: NDArray,
     columns: NDArray,
     visit: NDArray,
     lone: NDArray,
@@ -211,13 +246,16 @@ def _left(
     """Return residuals and derivatives, whitened and as they are in their sensors' sigmas.
 
     Args:
+        ways: Changes of what is free by which the derivatives are. Shape (free, k).
+        columns: Derivatives beside these. Shape (R, c).
         visit: Of each number. Shape (R,).
         lone: Observations that take no part. Boolean, by row of the table, shape (N,).
     """
     kept = ~lone[problem.observations.row]
     taken = replace(solution, outliers=lone, slipped=_now_and_then(problem, solution))
     U, white = problem.whitened_at(taken, columns)
-    by_all = np.column_stack([linear.J[problem.columns].T, columns]) / problem.scale[:, None]
+    U = np.column_stack([U[:, : len(ways)] @ ways, U[:, len(ways) :]])
+    by_all = np.column_stack([linear.J[problem.columns].T @ ways, columns]) / problem.scale[:, None]
     # Those of what nobody tells are 0.
     scale = 1.0 / np.maximum(np.linalg.norm(by_all, axis=0), np.finfo(float).tiny)
     residuals = -(linear.r / problem.scale)[kept, None]
@@ -239,12 +277,11 @@ def _now_and_then(problem: TreeProblem, solution: TreeSolution) -> NDArray:
 
 
 def _groups(
-    problem: TreeProblem, linear: TreeLinear, solution: TreeSolution
+    problem: TreeProblem, linear: TreeLinear, solution: TreeSolution, free: int
 ) -> tuple[list[tuple[Words, list[int]]], NDArray]:
-    """Return what may change together, with its words, and columns beside the free ones."""
+    """Return what may change together, with its words, and columns beside so many free ones."""
     found: list[tuple[Words, list[int]]] = []
     columns: list[NDArray] = []
-    free = len(problem.free_names)
     for words, parts in _changes(problem, linear, solution):
         kept = [part for part in parts if part.any()]
         if len(kept) == len(parts):
