@@ -54,7 +54,7 @@ def run() -> None:
         _refuse_empty(sys.argv[1:])
         code = command.main(prog_name="nico-selfmodel", standalone_mode=False)
         if code == interruption.CODE:  # Typer took Ctrl-C, and said nothing
-            interruption.say_stopped()
+            code = interruption.say_stopped()
     except (SelfModelError, ValueError, OSError) as error:
         sys.stdout.flush()
         code = _complain(_one_line(error))
