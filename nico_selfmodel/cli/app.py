@@ -54,7 +54,7 @@ def run() -> None:
         _refuse_empty(sys.argv[1:])
         code = command.main(prog_name="nico-selfmodel", standalone_mode=False)
         if code == interruption.CODE:  # Typer took Ctrl-C, and said nothing
-            interruption.say_stopped()
+            code = interruption.say_stopped()
     except (SelfModelError, ValueError, OSError) as error:
         sys.stdout.flush()
         code = _complain(_one_line(error))
@@ -172,7 +172,7 @@ def _usage(error: Exception) -> int:
     context = getattr(error, "ctx", None)
     path = context.command_path if context else "nico-selfmodel"
     message = _in_plain_words(" ".join(str(format_message()).split()))
-    given = _given(getattr(error, "param", None), context)
+    given = _given(getattr(error, "param", None), context) or _refused_by(error.__cause__)
     if message.startswith("Invalid value") and given is not None and repr(given) not in message:
         message += f", got {given!r}"
     message += "" if message.endswith((".", "?", "!")) else "."
@@ -204,6 +204,12 @@ def _given(param: Any, context: Any) -> str | None:
             given = value if equals else following
     in_file = (getattr(context, "default_map", None) or {}).get(getattr(param, "name", None))
     return given if given is not None or in_file is None else str(in_file)
+
+
+def _refused_by(cause: Any) -> str | None:
+    """Return the value that the library refuses which reads numbers for Typer; None if none."""
+    errors = getattr(cause, "errors", list)()
+    return str(errors[0]["input"]) if errors and "input" in errors[0] else None
 
 
 def _one_line(error: Exception) -> str:

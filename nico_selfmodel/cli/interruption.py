@@ -1,9 +1,67 @@
-"""What a command says when Ctrl-C stops it, while modules load too; it imports nothing slow."""
+"""What a command does when a signal stops it, while modules load too; it imports nothing slow.
 
+Ctrl-C (SIGINT), the end of the terminal (SIGHUP) and the wish of the system (SIGTERM) are one: what
+moves is stopped, devices are freed, and the exit code is 128 and the signal's number.
+"""
+
+import signal
 import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
 CODE = 130
-"""Exit code of a command that was stopped, as a shell has it."""
+"""Exit code of a command that Ctrl-C stopped, as a shell has it."""
+_LIKE_CTRL_C = (signal.SIGTERM, signal.SIGHUP)
+_ONE_WISH = 10.0
+"""Signals that come within this time of the first are the same wish [s]: a terminal that closes
+sends one, and who waits for the end of its commands another."""
+
+
+class _Heard:
+    """Which signal stopped this command, and when; none so far."""
+
+    number: int = signal.SIGINT
+    at: float = float("-inf")
+
+
+def hear_signals() -> None:
+    """Take SIGTERM and SIGHUP for Ctrl-C from now on, but for what this process shall ignore."""
+    for number in _LIKE_CTRL_C if _may_be_told() else ():
+        if signal.getsignal(number) == signal.SIG_DFL:  # `nohup` ignores SIGHUP
+            signal.signal(number, _stop)
+
+
+def _stop(number: int, _: object) -> None:
+    before, _Heard.at = _Heard.at, time.monotonic()
+    if _Heard.at - before > _ONE_WISH:
+        _Heard.number = number
+        raise KeyboardInterrupt
+
+
+def _may_be_told() -> bool:
+    """Return whether signals are heard in this thread."""
+    return threading.current_thread() is threading.main_thread()
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Do what no signal may break off, as stopping an arm; one that comes meanwhile is heard after.
+
+    Raises:
+        KeyboardInterrupt: At the end, if one came.
+    """
+    came: list[int] = []
+    numbers = (signal.SIGINT, *_LIKE_CTRL_C) if _may_be_told() else ()
+    before = {number: signal.signal(number, lambda n, _: came.append(n)) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+    for number in came:
+        signal.raise_signal(number)
 
 
 def was_stopped(error: BaseException) -> bool:
@@ -21,5 +79,6 @@ def was_stopped(error: BaseException) -> bool:
 
 def say_stopped() -> int:
     """Say in one line that a command was stopped, and return its exit code."""
-    print("nico-selfmodel: stopped", file=sys.stderr)
-    return CODE
+    with suppress(OSError):  # the terminal may be what ended
+        print("nico-selfmodel: stopped", file=sys.stderr)
+    return 128 + _Heard.number

@@ -14,11 +14,12 @@ def main() -> None:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     # OpenCV's own lines say nothing that ours do not; it reads this when it is loaded.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
-    from nico_selfmodel.cli.interruption import say_stopped, was_stopped
+    from nico_selfmodel.cli.interruption import hear_signals, say_stopped, was_stopped
     from nico_selfmodel.freed_memory import keep_freed_memory
 
-    keep_freed_memory()
     try:
+        hear_signals()
+        keep_freed_memory()
         from nico_selfmodel.cli.app import run
 
         run()

@@ -105,11 +105,17 @@ def _marker(model: BodyModel, name: str | None) -> int:
     """Return which marker is meant."""
     markers = model.tree.markers
     own = [m.name for m in markers if m.on != WORLD]
-    if not own or (name is not None and name not in own):
-        room = [m.name for m in markers if m.on == WORLD]
+    room = listed((m.name for m in markers if m.on == WORLD), name) or "none"
+    if not own:
         raise ModelError(
-            f"no marker {'that moves' if name is None else repr(name)} on the body: it carries "
-            f"{listed(own, name) or 'none'}, and knows {listed(room, name) or 'none'} in the room"
+            f"body {model.name!r} carries no marker, it knows {room} in the room: poses are chosen "
+            "by what is seen of a marker that moves along. Fix one to a link, record and calibrate "
+            "anew; or record poses all over the joints' ranges without choosing"
+        )
+    if name is not None and name not in own:
+        raise ModelError(
+            f"no marker {name!r} on the body: it carries {listed(own, name)}, and knows {room} in "
+            "the room; choose one that it carries"
         )
     return model.tree.marker_index(own[0] if name is None else name)
 

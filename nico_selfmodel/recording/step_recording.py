@@ -12,6 +12,8 @@ from nico_selfmodel.servos import ArmController
 
 _PATIENCE = 3.0
 """Beyond the planned end of a step, before it counts as never ending [s]."""
+_APART = 1e-6
+"""Two rows are at least that far apart [s]."""
 
 
 class _Rows:
@@ -29,6 +31,11 @@ class _Rows:
             self.commanded.append(commanded.copy())
             self.read.append(read)
 
+    def add_command(self, time: float, commanded: NDArray) -> None:
+        """Add a row of a command, which is later than all before."""
+        after = self.time[-1] + _APART if self.time else time
+        self.add(max(time, after), commanded, np.full(len(commanded), np.nan))
+
 
 def record_steps(
     arm: ArmController,
@@ -41,6 +48,10 @@ def record_steps(
     progress: Progress = telling_nobody,
 ) -> MotionRecording:
     """Send one joint after another through steps, and note commands and readings.
+
+    A command is stamped when the packet that starts the joint is handed to the port, a reading
+    when its reply was there: a response that is learned from them is later by what both packets
+    take on the wire.
 
     Args:
         arm: Connected, the joints of the plan enabled.
@@ -67,8 +78,8 @@ def record_steps(
             q = arm.servos.to_joint(told)
             q[k] = goal
             told[k] = arm.servos.to_encoder(q)[k]
-            rows.add(arm.now(), told, np.full(len(told), np.nan))
             seconds = arm.move({joint: goal}, speed=speed)
+            rows.add_command(_newest_reading(arm), told)
             late = arm.now() + 1.5 * seconds + _PATIENCE
             while arm.moving:
                 _watch(arm, k, rows, told, arm.now())
@@ -83,6 +94,16 @@ def record_steps(
     return MotionRecording(
         name, infos, time - time[0], np.stack(rows.commanded), np.stack(rows.read), source
     )
+
+
+def _newest_reading(arm: ArmController) -> float:
+    """Return when a joint was read last [s].
+
+    After `move` that is when the joint was started: it tells all joints that hold where to stay,
+    reads each, and starts them by one packet more.
+    """
+    state = arm.state()
+    return state.time - float(state.age.min())
 
 
 def _watch(arm: ArmController, joint: int, rows: _Rows, told: NDArray, until: float) -> None:

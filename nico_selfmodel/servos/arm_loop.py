@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from contextlib import suppress
 from typing import Self, TypeVar
 
@@ -148,18 +148,21 @@ class ArmLoop(ClosedAtEnd):
         """Stop every joint and hold; waits until each confirmed.
 
         Raises:
-            RobotError: If one did not, or the thread has failed.
+            RobotError: If one did not, or the thread has failed. A stop that it does not come to in
+                time is carried out all the same.
         """
-        self.call(lambda arm: arm.stop())
+        self.call(lambda arm: arm.stop(), however_late=True)
 
-    def call(self, action: Callable[[MotorDriver], _T]) -> _T:
+    def call(self, action: Callable[[MotorDriver], _T], *, however_late: bool = False) -> _T:
         """Do something with the driver between two cycles, and wait for its result.
 
         Args:
             action: Is given the driver, in the arm's own thread.
+            however_late: Whether to do it also when nobody waits for it any more.
 
         Raises:
-            RobotError: If the thread has failed or does not come to it in time.
+            RobotError: If the thread has failed or does not come to it in time; then it is not
+                done later either, unless it was begun.
             Exception: What the action raises; the thread goes on.
         """
         self.check()
@@ -170,9 +173,17 @@ class ArmLoop(ClosedAtEnd):
             self._jobs.append((action, future))
             self._wake.notify_all()
         try:
-            return future.result(_PATIENCE)
-        except TimeoutError:
-            raise BusError(f"the arm's thread did not answer within {_PATIENCE:g} s") from None
+            wait([future], _PATIENCE)
+        finally:  # Ctrl-C too ends the wait
+            given_up = not however_late and future.cancel()
+        if future.done() and not given_up:
+            return future.result()
+        what = (
+            "it is busy or the bus is slow; nothing was sent, try again"
+            if given_up
+            else "what was asked may still be done, see where the joints stand"
+        )
+        raise BusError(f"the arm's thread did not answer within {_PATIENCE:g} s: {what}")
 
     def close(self) -> None:
         """Stop what moves, end the thread and give the port back; never fails."""
@@ -220,6 +231,8 @@ class ArmLoop(ClosedAtEnd):
                     self._jobs = jobs + self._jobs
                 raise
         for action, future in jobs:
+            if not future.set_running_or_notify_cancel():
+                continue  # who asked was told that it came too late
             result = error = None
             try:
                 result = action(self.arm)
@@ -238,4 +251,6 @@ class ArmLoop(ClosedAtEnd):
             jobs, self._jobs = self._jobs, []
             self._ending = True
         for _, future in jobs:
+            if not future.set_running_or_notify_cancel():
+                continue
             future.set_exception(BusError("the arm's thread has ended: open the arm again"))

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-from nico_selfmodel.errors import BusError, ServoFault
+from nico_selfmodel.errors import BusError, RobotError, ServoFault
 from nico_selfmodel.servos.ports import Port, SerialPort
 from nico_selfmodel.with_blocks import ClosedAtEnd
 
@@ -162,7 +162,7 @@ class Hand(ClosedAtEnd):
         self._expect_ok("STOP")
 
     def _stop_whatever_happens(self) -> None:
-        with suppress(BusError):  # the board's own time ends it
+        with suppress(RobotError):  # the board's own time ends it; what happened is told
             self.stop()
 
     def _expect_ok(self, body: str) -> None:

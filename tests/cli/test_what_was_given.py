@@ -12,6 +12,8 @@ from nico_selfmodel.vision.boards.board_detection import size_in
 from ..estimation.simulated_trees import one_arm
 from .one_line import assert_one_clear_line
 
+STEPS = ("servo", "steps", "--port", "/dev/null", "--config", "servos.yaml")
+
 
 @pytest.fixture(scope="module")
 def body(tmp_path_factory):
@@ -101,12 +103,26 @@ def test_too_few_training_data_are_not_called_standing_still(project_root, tmp_p
         (("calibrate", "stereo", "x", "--board", "9x6", "--square-mm", "0"), "--square-mm must be"),
         (("import", "vicon", "a.csv", "--encoders", "b.csv"), "needs --counts-per-turn"),
         (("markers", "board", "--board", "9x6", "--square-mm", "nan"), "--square-mm must be"),
+        (
+            (*STEPS, "--rest-s", "inf"),
+            "Invalid value for '--rest-s': expected at most 60, got 'inf'",
+        ),
+        (
+            (*STEPS, "--largest-deg", "inf"),
+            "Invalid value for '--largest-deg': expected at most 360, got 'inf'",
+        ),
     ],
 )
 def test_a_value_that_cannot_be_is_refused_by_its_option(words, said, tmp_path, command):
     out = tmp_path / "out"
     assert_one_clear_line(command(*words, "--out", out), said)
     assert not out.exists()
+
+
+def test_an_argument_that_is_no_number_is_told(command):
+    words = ("right_elbow", "9o", "--port", "/dev/null", "--config", "servos.yaml")
+    done = command("servo", "move", *words)
+    assert_one_clear_line(done, "Invalid value for 'ANGLE': expected a number, got '9o'.")
 
 
 def test_a_model_that_failed_its_checks_says_so_wherever_it_is_used(result, tmp_path, command):

@@ -8,6 +8,9 @@ import pytest
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_result import body_model
+from nico_selfmodel.model.self_model import ParameterCovariance
+from nico_selfmodel.model.tree.body_model import BodyModel
+from nico_selfmodel.model.tree.body_tree import WORLD
 from nico_selfmodel.planning.next_body_poses import choose_next_body_poses
 from nico_selfmodel.sessions.whole_body import whole_body_session
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
@@ -44,11 +47,23 @@ def test_poses_of_a_body_before_a_tracker_are_chosen_by_places():
     assert more.sigma_after < few.sigma_after < few.sigma_before == more.sigma_before < 2e-3
 
 
+def test_a_body_that_carries_no_marker_is_told_what_to_do():
+    made = one_arm(1, joints=3, markers=2, poses=25)
+    covariance = ParameterCovariance(("joint0.gear",), np.eye(1))
+    room = tuple(replace(marker, on=WORLD) for marker in made.tree.markers)
+    model = BodyModel("arm", replace(made.tree, markers=room), np.ones(3), covariance)
+    names = ", ".join(marker.name for marker in room)
+    with pytest.raises(
+        ModelError, match=f"body 'arm' carries no marker, it knows {names} in .*Fix"
+    ):
+        choose_next_body_poses(model, made.data, 3, np.random.default_rng(0))
+
+
 @pytest.mark.slow
 def test_what_cannot_be_chosen_is_said(learned):
     model, train = learned
     rng = np.random.default_rng(0)
-    with pytest.raises(ModelError, match="it carries right_hand_fiducial"):
+    with pytest.raises(ModelError, match=r"it carries right_hand_fiducial.*choose one"):
         choose_next_body_poses(model, train, 3, rng, marker="card0_0")
     with pytest.raises(ModelError, match="has no covariance"):
         choose_next_body_poses(replace(model, covariance=None), train, 3, rng)

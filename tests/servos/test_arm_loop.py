@@ -137,3 +137,78 @@ def test_whoever_started_or_stopped_a_motion_is_told_so_by_the_next_state(loop):
         assert loop.state().moving[3]
         loop.stop()
         assert not loop.state().moving.any()
+
+
+class Sluggish:
+    """A driver whose cycle does not end before it is let go on, once it was told to hang."""
+
+    def __init__(self, arm):
+        self._arm = arm
+        self.hangs, self.begun, self.goes_on = (threading.Event() for _ in range(3))
+
+    def __getattr__(self, name):
+        return getattr(self._arm, name)
+
+    def cycle(self):
+        if self.hangs.is_set():
+            self.begun.set()
+            self.goes_on.wait(SOON)
+        self._arm.heartbeat()
+        return self._arm.cycle()
+
+
+@pytest.fixture
+def sluggish(bus, monkeypatch):
+    """Return a loop whose driver hangs in a cycle for longer than it is waited for."""
+    monkeypatch.setattr("nico_selfmodel.servos.arm_loop._PATIENCE", 0.1)
+    with ArmController.open(bus.name, configuration(baud=115200), trust_zero=True) as arm:
+        arm.connect()
+        arm.enable()
+        loop = ArmLoop(Sluggish(arm), 0.02)
+        loop.start(SOON)
+        loop.arm.hangs.set()
+        assert loop.arm.begun.wait(SOON)
+        yield loop
+        loop.arm.goes_on.set()
+        loop.close()
+
+
+def run_on(loop):
+    """Let the driver go on, and do a few cycles."""
+    loop.arm.goes_on.set()
+    cycles = loop.cycles
+    wait_for(lambda: loop.cycles > cycles + 3)
+
+
+def test_what_was_told_to_come_too_late_is_not_done_later(sluggish, bus):
+    with pytest.raises(BusError, match=r"within 0\.1 s: .*nothing was sent, try again"):
+        sluggish.move({"right_elbow": 1.0})
+    run_on(sluggish)
+    assert not sluggish.state().moving.any()
+    assert max(map(abs, bus.shafts())) == 0
+
+
+def test_a_stop_that_comes_late_is_a_stop_all_the_same(sluggish):
+    done = []
+    with pytest.raises(BusError, match="may still be done"):
+        sluggish.call(lambda arm: done.append(arm.stop()), however_late=True)
+    with pytest.raises(BusError, match="may still be done"):
+        sluggish.stop()
+    run_on(sluggish)
+    assert done == [None]
+
+
+def test_what_was_begun_in_time_is_told_as_such(loop, monkeypatch):
+    monkeypatch.setattr("nico_selfmodel.servos.arm_loop._PATIENCE", 1.0)
+    told = threading.Event()
+    with pytest.raises(BusError, match="may still be done, see where the joints stand"):
+        loop.call(lambda arm: told.wait(SOON))
+    told.set()
+
+
+def test_an_end_that_comes_before_a_job_that_was_given_up_is_no_failure(sluggish):
+    with pytest.raises(BusError, match="nothing was sent"):
+        sluggish.move({"right_elbow": 1.0})
+    sluggish.arm.goes_on.set()
+    sluggish.close()
+    assert not any(thread.name == "arm loop" for thread in threading.enumerate())

@@ -20,6 +20,19 @@ def hand(board):
     return Hand(SimulatedPort(board, 9600))
 
 
+def test_a_stop_that_is_refused_hides_nothing_of_why_it_was_sent(hand, board, monkeypatch):
+    obey = board._obey
+
+    def busy(words, now):
+        if words[0] == "STATE":
+            raise KeyboardInterrupt
+        return "ERR busy" if words[0] == "STOP" else obey(words, now)
+
+    monkeypatch.setattr(board, "_obey", busy)
+    with pytest.raises(KeyboardInterrupt):
+        hand.move("close", seconds=0.2)
+
+
 def test_a_hand_says_that_it_is_one(hand):
     assert hand.identify() == "hand 1"
     assert hand.position == {"index": "unknown", "fingers": "unknown"}

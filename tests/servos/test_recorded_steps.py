@@ -11,6 +11,7 @@ from nico_selfmodel.errors import BusError
 from nico_selfmodel.estimation.response.servo_calibration import calibrate_servos
 from nico_selfmodel.planning.step_plan import SMALLEST, planned_steps
 from nico_selfmodel.recording.step_recording import record_steps
+from nico_selfmodel.servos.pic_servo.protocol.trajectory import TICK
 
 from ..slow_rest import slow_rest
 from .arms import JOINTS, MAKES, virtual_arm
@@ -55,6 +56,21 @@ def test_speeds_of_the_configuration_are_found_again_by_steps(make):
         assert one.speed == pytest.approx(math.radians(60), rel=0.03)
         assert one.acceleration == pytest.approx(math.radians(240), rel=0.15)
         assert 0.0 < one.delay < 0.2
+
+
+@pytest.mark.parametrize("baud", [19200, 115200])
+def test_the_delay_of_a_joint_is_not_that_of_telling_the_others_to_stay(baud):
+    delays = []
+    for enabled in (["right_elbow"], JOINTS):
+        made = virtual_arm(baud=baud)
+        made.arm.connect()
+        made.arm.enable(enabled)
+        goals = planned_steps(0.0, -1.0, 1.0, 0.5, 10, np.random.default_rng(1))
+        found = record_steps(made.arm, {"right_elbow": goals}, rest=0.4, name="steps")
+        delays.append(calibrate_servos(found).model.of("right_elbow").delay)
+    # The packet that starts it, the reply that is read, and two ticks of the board.
+    assert delays[0] == pytest.approx(delays[1], abs=2e-3)
+    assert 0.0 < min(delays) < max(delays) < 20 * 10 / baud + 2 * TICK
 
 
 def test_a_joint_that_never_arrives_ends_the_recording_and_the_arm_stands(monkeypatch):

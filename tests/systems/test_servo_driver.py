@@ -73,7 +73,7 @@ def test_the_ports_are_those_of_its_table(bus):
     inputs = [driver.get_input_port(i).get_name() for i in range(driver.num_input_ports())]
     outputs = [driver.get_output_port(i).get_name() for i in range(driver.num_output_ports())]
     assert inputs == ["encoders_commanded"]
-    expected = ["q_measured", "encoders", "valid", "age", "moving", "status"]
+    expected = ["q_measured", "encoders", "valid", "age", "moving", "read_at", "status"]
     assert outputs == expected
     assert all(f"`{name}`" in ServoDriver.__doc__ for name in [*inputs, *outputs])
 

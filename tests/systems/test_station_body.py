@@ -159,3 +159,79 @@ def test_servos_that_cannot_be_are_refused():
         EncoderModel(mechanics(), [0.0])
     with pytest.raises(ValueError, match="speed positive"):
         EncoderModel(mechanics(), [0.0, 0.0], speed=0.0)
+
+
+class _LateReplies(LeafSystem):
+    """Servos that are read every 0.05 s, but not for a while: what is shown of them is old then.
+
+    Motion capture sees them as they are. They turn 400 counts a second to where they were sent.
+    """
+
+    def __init__(self, silent_from, silent_until, nudged_at):
+        super().__init__()
+        command = self.DeclareVectorInputPort("encoders_commanded", 2)
+        self.DeclareDiscreteState(5)  # where they are; the last reading, and when it was made
+
+        def update(context, values):
+            x, time = np.array(context.get_discrete_state_vector().value()), context.get_time()
+            pushed = 3.0 if time > nudged_at else 0.0
+            x[:2] += np.clip(command.Eval(context) + pushed - x[:2], -4.0, 4.0)
+            if round(time / 0.01) % 5 == 0 and not silent_from < time < silent_until:
+                x[2:4], x[4] = x[:2], time
+            values.set_value(x)
+
+        self.DeclarePeriodicDiscreteUpdateEvent(0.01, 0.0, update)
+
+        def show(name, size, choose):
+            self.DeclareVectorOutputPort(
+                name,
+                BasicVector(size),
+                lambda context, vector: vector.SetFromVector(
+                    choose(context.get_discrete_state_vector().value())
+                ),
+            )
+
+        show("encoders", 2, lambda x: x[2:4])
+        show("read_at", 2, lambda x: [x[4], x[4]])
+        show("p_WH_measured", 3, lambda x: [*x[:2], 0.0])
+
+
+def late(silent_from=np.inf, silent_until=np.inf, nudged_at=np.inf):
+    """Return a body whose servos are silent for a while, or pushed aside from some time on."""
+    builder = DiagramBuilder()
+    servos = builder.AddSystem(_LateReplies(silent_from, silent_until, nudged_at))
+    for name in ("encoders", "p_WH_measured"):  # who composes a station need not think of times
+        builder.ExportOutput(servos.GetOutputPort(name), name)
+    builder.ExportInput(servos.GetInputPort("encoders_commanded"), "encoders_commanded")
+    patience = SettleTimeouts(settle=0.4, dither=2e-4, astray=0.02, timeout=4.0)
+    return StationBody(
+        builder.Build(), JOINTS, ["hand"], sensor="motion-capture", patience=patience
+    )
+
+
+@pytest.mark.parametrize("silence", [(0.5, 1.2), (0.98, 1.6), (0.02, 0.9), (1.1, 1.7)])
+def test_readings_that_are_not_renewed_are_no_rest(silence):
+    seen = late(*silence).move_and_measure([400.0, 0.0])
+    assert seen.encoders == pytest.approx([400.0, 0.0])
+    assert seen.points["hand"][:2] == pytest.approx(seen.encoders)
+
+
+def test_a_rest_is_as_long_as_its_readings_say():
+    body = late()
+    body.move_and_measure([400.0, 0.0])
+    assert 1.4 <= body.context.get_time() < 1.7
+
+
+def test_who_is_never_read_again_is_no_joint_at_rest_elsewhere():
+    with pytest.raises(RobotError, match=r"did not come to rest within 4 s"):
+        late(0.5, 100.0).move_and_measure([400.0, 0.0])
+
+
+def test_joints_that_move_while_somebody_looks_are_looked_at_again():
+    calm = late()
+    calm.move_and_measure([400.0, 0.0])
+    # It looks, and then waits for the next reading, 0.05 s after the one before.
+    body = late(nudged_at=calm.context.get_time() - 0.03)
+    seen = body.move_and_measure([400.0, 0.0])
+    assert seen.points["hand"][:2] == pytest.approx(seen.encoders)
+    assert body.context.get_time() > calm.context.get_time() + 0.3

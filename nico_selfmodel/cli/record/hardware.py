@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.interruption import undisturbed
 from nico_selfmodel.cli.option_groups import Chain, OptionGroup
-from nico_selfmodel.cli.servo.opening import ask, speed_of
+from nico_selfmodel.cli.servo.opening import ask, say, speed_of
 from nico_selfmodel.names import listed
 
 if TYPE_CHECKING:
@@ -314,8 +315,9 @@ def _record(
                 progress=lambda done, total: progress("moving and looking", done, total),
             )
     except KeyboardInterrupt:
-        station.close()
-        typer.echo(f"stopped; {planned.moves} holds. Start again to go on", err=True)
+        with undisturbed():
+            station.close()
+            say(f"stopped; {planned.moves} holds. Start again to go on")
         raise
     except RobotError as error:
         if not request.out.exists():

@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
 from nico_selfmodel.cli import printer
+from nico_selfmodel.cli.interruption import undisturbed
 
 if TYPE_CHECKING:
     from nico_selfmodel.servos import ArmController
@@ -65,13 +67,25 @@ def ask(question: str, *, yes: bool) -> None:
 
 
 def stopping(arm: "ArmController", go: Callable[[], object]) -> None:
-    """Do something that moves; on Ctrl-C stop the arm before anything else."""
+    """Do something that moves; on Ctrl-C stop the arm before anything else, whatever comes then.
+
+    Raises:
+        KeyboardInterrupt: If it was stopped.
+        BusError: If a joint did not confirm the stop.
+    """
     try:
         go()
     except KeyboardInterrupt:
-        arm.stop()
-        typer.echo("stopped; the arm holds", err=True)
+        with undisturbed():
+            arm.stop()
+            say("stopped; the arm holds")
         raise
+
+
+def say(text: str) -> None:
+    """Tell a person on stderr, whose terminal may be gone."""
+    with suppress(OSError):
+        typer.echo(text, err=True)
 
 
 def tell_due(joints: Sequence[str]) -> None:

@@ -20,10 +20,13 @@ def steps(
     joints: Annotated[list[str] | None, typer.Argument(help="Which; all if omitted.")] = None,
     count: Annotated[int, typer.Option("--steps", min=4, help="Steps of each joint.")] = 16,
     largest: Annotated[
-        float, typer.Option("--largest-deg", min=0.1, help="Largest step [deg].")
+        float, typer.Option("--largest-deg", min=0.1, max=360.0, help="Largest step [deg].")
     ] = 20.0,
     rest: Annotated[
-        float, typer.Option("--rest-s", min=0.2, help="How long each step is watched at rest [s].")
+        float,
+        typer.Option(
+            "--rest-s", min=0.2, max=60.0, help="How long each step is watched at rest [s]."
+        ),
     ] = 0.6,
     speed: options.Speed = None,
     seed: options.SplitSeed = 0,

@@ -13,6 +13,7 @@ from nico_selfmodel.servos import ArmController, ArmLoop, ServoConfig
 from nico_selfmodel.servos.arm.pose_limits import PoseLimits
 from nico_selfmodel.servos.arm_state import ArmState
 from nico_selfmodel.servos.bus_settings import BusSettings
+from nico_selfmodel.systems.hardware.reading_times import READ_AT
 from nico_selfmodel.with_blocks import OpenedAtStart
 
 PERIOD = 0.02
@@ -20,6 +21,8 @@ PERIOD = 0.02
 _STALE = 0.5
 """A reading that is older says nothing about now [s]."""
 _AGE, _VALID = (ArmState.ROWS.index(name) for name in ("age", "valid"))
+_READ_AT = len(ArmState.ROWS)
+"""What the diagram holds of each joint besides."""
 
 
 class ServoDriver(OpenedAtStart, LeafSystem):
@@ -32,6 +35,7 @@ class ServoDriver(OpenedAtStart, LeafSystem):
     | `encoders` | out | encoder readings [counts]; nan where not valid |
     | `valid` | out | 1 where a joint was read lately and has no fault, else 0 |
     | `age` | out | how old each reading is [s] |
+    | `read_at` | out | when each joint was last read, by the bus thread's clock [s] |
     | `moving` | out | 1 where a joint is on its way, else 0 |
     | `status` | out | what each joint does, in words: a tuple of texts |
 
@@ -81,9 +85,9 @@ class ServoDriver(OpenedAtStart, LeafSystem):
         """The command that the bus thread has."""
         n = len(self.joints)
         self._command = self.DeclareVectorInputPort("encoders_commanded", n)
-        unknown = np.full((len(ArmState.ROWS), n), np.nan)
+        unknown = np.full((len(ArmState.ROWS) + 1, n), np.nan)
         unknown[_VALID:] = 0.0
-        unknown[_AGE] = np.inf
+        unknown[_AGE], unknown[_READ_AT] = np.inf, -np.inf
         self.DeclareDiscreteState(unknown.ravel())
         self.DeclareInitializationDiscreteUpdateEvent(self._take_over)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._take_over)
@@ -92,6 +96,7 @@ class ServoDriver(OpenedAtStart, LeafSystem):
         names = ("q_measured", "encoders", "valid", "age", "moving")
         for row, name in enumerate(names):
             self.DeclareVectorOutputPort(name, BasicVector(n), self._writer(row), known)
+        self.DeclareVectorOutputPort(READ_AT, BasicVector(n), self._writer(_READ_AT), known)
         self.DeclareAbstractOutputPort(
             "status", lambda: AbstractValue.Make(()), self._describe, known
         )
@@ -180,7 +185,7 @@ class ServoDriver(OpenedAtStart, LeafSystem):
         state = loop.state()
         assert state is not None  # the thread was started, which waits for the first
         since = loop.arm.now() - state.time
-        rows = state.rows.copy()
+        rows = np.vstack([state.rows, state.time - state.age])
         rows[_AGE] += since
         if state.oldest + since >= _STALE:
             rows[_VALID, rows[_AGE] >= _STALE] = 0.0

@@ -12,11 +12,14 @@ from pydrake.systems.framework import Context, System
 
 from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import RobotError
+from nico_selfmodel.systems.hardware.reading_times import ReadingTimes
 from nico_selfmodel.systems.image_values import bgr_of
 from nico_selfmodel.systems.measurements import CameraMeasurement, Measurement
 
 _TICK = 0.02
 """Time between two looks at the encoders [s]."""
+_FEWEST = 4
+"""New readings at rest that a sample needs at least, however rarely the joints are read."""
 _NUDGE = 0.02
 """Share of a joint's range that it leaves a pose by, before it comes back to it."""
 
@@ -44,6 +47,11 @@ class StationBody:
 
     The station needs the ports `encoders_commanded` and `encoders`, and `pixels` to be watched by
     its own cameras or `p_WH_measured` to be watched by motion capture, as `NicoStation` tells.
+
+    Where a part of it has the port `read_at`, as `ServoDriver`, only readings that are newer than
+    the last one say that a joint stands, and one that was made after a look confirms it: replies of
+    motors may be late, and what was read before them then stays as it is. A station without such a
+    port counts as read whenever it is looked at.
     """
 
     def __init__(
@@ -80,7 +88,8 @@ class StationBody:
                 for j in self.joints
             ]
         )
-        self._station = station
+        self._dither = self._patience.dither * np.where(np.isfinite(self._span), self._span, 0.0)
+        self._station, self._times = station, ReadingTimes(station)
         self._command = station.GetInputPort(_named(station, "encoders_commanded", "input"))
         self._check("encoders", len(self.joints))
         seen_by, width = ("pixels", 4) if sensor == "cameras" else ("p_WH_measured", 3)
@@ -115,15 +124,16 @@ class StationBody:
             What was sensed there; `CameraMeasurement` from cameras.
 
         Raises:
-            RobotError: If the joints do not come to rest in time.
+            RobotError: If the joints do not come to rest, or are not read, in time.
             ValueError: If the command has another length or is not finite.
         """
-        self._move(np.asarray(command, dtype=float))
-        measurement = self._look()
+        command = np.asarray(command, dtype=float)
+        self._move(command)
+        measurement = self._look_at_rest(command)
         end = self.context.get_time() + self._patience.look_again
         while not _located(measurement) and self.context.get_time() < end:
             self._tick()
-            measurement = self._look()
+            measurement = self._look_at_rest(command)
         return measurement
 
     def relive(self, command: ArrayLike) -> None:
@@ -161,31 +171,68 @@ class StationBody:
         return beside
 
     def _go(self, command: NDArray) -> None:
-        """Command and wait until the encoders stand still."""
+        """Command and wait until the encoders stand still where they were sent."""
         self._command.FixValue(self.context, command)
+        self._settle(command)
+        away = self._read("encoders") - command
+        if (np.abs(away) > self._patience.astray * self._span).any():
+            raise RobotError(
+                f"the joints came to rest elsewhere: {self._farthest(away)}; is it blocked, off, "
+                "or overloaded?"
+            )
+
+    def _settle(self, command: NDArray) -> None:
+        """Wait until the encoders stand still, wherever that is."""
         patience, end = self._patience, self.context.get_time() + self._patience.timeout
-        still, before = 0.0, self._read("encoders")
-        dither = patience.dither * np.where(np.isfinite(self._span), self._span, 0.0)
+        still, before, read_at = 0.0, self._read("encoders"), self._read_at()
         # The first tick starts the motion.
         self._tick()
         while still < patience.settle:
-            now = self._read("encoders")
-            if (np.abs(now - before) <= dither).all():
-                still += _TICK
-            else:
-                still, before = 0.0, now
+            now, later = self._read("encoders"), self._read_at()
+            if later > read_at:
+                if (np.abs(now - before) <= self._dither).all():
+                    still += self._weight(later - read_at)
+                else:
+                    still, before = 0.0, now
+                read_at = later
             if self.context.get_time() > end:
                 raise RobotError(
                     f"the joints did not come to rest within {patience.timeout:g} s: "
                     f"{self._farthest(now - command)}; is it blocked or off?"
                 )
             self._tick()
-        away = self._read("encoders") - command
-        if (np.abs(away) > patience.astray * self._span).any():
-            raise RobotError(
-                f"the joints came to rest elsewhere: {self._farthest(away)}; is it blocked, off, "
-                "or overloaded?"
-            )
+
+    def _look_at_rest(self, command: NDArray) -> Measurement:
+        """Look; again, if the encoders are elsewhere when they are read next."""
+        measurement = self._look()
+        while self._times.are_known and not self._alike(self._read_next(), measurement.encoders):
+            self._go(command)
+            measurement = self._look()
+        return measurement
+
+    def _read_next(self) -> NDArray:
+        """Wait for encoder readings that are newer than those there are, and return them."""
+        read_at, end = self._read_at(), self.context.get_time() + self._patience.timeout
+        while self._read_at() <= read_at:
+            if self.context.get_time() > end:
+                raise RobotError(
+                    f"the joints were not read for {self._patience.timeout:g} s: is the bus lost?"
+                )
+            self._tick()
+        return self._read("encoders")
+
+    def _read_at(self) -> float:
+        """Return when the encoders were read, by a clock of their own [s]."""
+        known = self._times.are_known
+        return self._times.oldest(self.context) if known else self.context.get_time()
+
+    def _weight(self, passed: float) -> float:
+        """Return for how long a new reading says that joints stood, a time after the last [s]."""
+        return min(passed, self._patience.settle / _FEWEST) if self._times.are_known else _TICK
+
+    def _alike(self, one: NDArray, other: NDArray) -> bool:
+        """Return whether two readings are of one rest, of which each may be that far off."""
+        return bool((np.abs(one - other) <= 2.0 * self._dither).all())
 
     def _farthest(self, away: NDArray) -> str:
         distance = np.where(np.isfinite(away), np.abs(away), np.inf)
