@@ -15,7 +15,7 @@ from nico_selfmodel.servos.arm.motor import JointBus
 from nico_selfmodel.servos.arm.pose_limits import PoseLimits
 from nico_selfmodel.servos.arm.readiness import require_ready, require_zero
 from nico_selfmodel.servos.arm.servo_config import ServoConfig
-from nico_selfmodel.servos.arm.shutdown import release_each, stop_each
+from nico_selfmodel.servos.arm.shutdown import release_each, stop_each, without_faults
 from nico_selfmodel.servos.arm.take_over import switch_on, take_over
 from nico_selfmodel.servos.arm_state import ArmState
 from nico_selfmodel.servos.bus_settings import BusSettings
@@ -299,11 +299,11 @@ class ArmController(ClosedAtEnd):
             except RobotError as error:
                 axis.lost = str(error)
                 axis.forget_goal()
-                if isinstance(error, ServoFault):
+                kind = ServoFault if isinstance(error, ServoFault) else BusError
+                if kind is ServoFault:
                     # Until somebody enables it again; stopping the group would switch it on.
                     release_each([axis])
-                others = self._stop_others(axis)
-                kind = ServoFault if isinstance(error, ServoFault) else BusError
+                others = self._stop_others(axis, look=kind is ServoFault)
                 what = str(error) if str(axis) in str(error) else f"{axis} is lost: {error}"
                 raise kind(f"{what}. {others}", partial=self.state()) from error
 
@@ -321,13 +321,19 @@ class ArmController(ClosedAtEnd):
             f"{self.config.heartbeat:g} s"
         )
 
-    def _stop_others(self, failed: Axis) -> str:
-        """Stop every axis but one; return what came of it."""
+    def _stop_others(self, failed: Axis, *, look: bool) -> str:
+        """Stop every axis but one, after a look at each; return what came of it."""
         others = [axis for axis in self.axes if axis is not failed and axis.enabled]
-        failures = stop_each(self.bus, others)
+        failures = stop_each(self.bus, without_faults(others) if look else others)
+        off = [axis.joint.name for axis in others if not axis.enabled]
+        words = [f"Switched off too, by faults of their own: {', '.join(off)}"] if off else []
+        faults = [axis.lost for axis in others if not axis.enabled]
+        failures = [failure for failure in failures if failure not in faults]
         if failures:
-            return f"Not stopped either: {'; '.join(failures)}"
-        return "The other joints were stopped and hold" if others else "No other joint is enabled"
+            words.append(f"Not stopped either: {'; '.join(failures)}")
+        elif len(off) < len(others):
+            words.append("The other joints were stopped and hold")
+        return ". ".join(words or ["No other joint is enabled"])
 
     def stop(self, *, smoothly: bool = True) -> None:
         """Stop every joint that is enabled and hold; the arm does not fall.

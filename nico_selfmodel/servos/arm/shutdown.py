@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from nico_selfmodel.errors import RobotError
+from nico_selfmodel.errors import RobotError, ServoFault
 from nico_selfmodel.servos.arm.axis import Axis
 from nico_selfmodel.servos.arm.motor import JointBus
 from nico_selfmodel.servos.arm.take_over import take_over
@@ -11,6 +11,8 @@ from nico_selfmodel.servos.arm.take_over import take_over
 def stop_each(bus: JointBus, axes: Sequence[Axis], *, smoothly: bool = True) -> list[str]:
     """Stop axes and have them hold: all at once, then each by itself, as a group cannot answer.
 
+    Each is looked at before it is told by itself; one that has a fault by then is switched off.
+
     Args:
         axes: Which were enabled.
         smoothly: Brake, instead of stopping at once.
@@ -18,8 +20,6 @@ def stop_each(bus: JointBus, axes: Sequence[Axis], *, smoothly: bool = True) -> 
     Returns:
         What failed, in words; empty if every axis confirmed.
     """
-    for axis in axes:
-        axis.stopped()
     if not axes:
         return []
     failures = []
@@ -27,9 +27,50 @@ def stop_each(bus: JointBus, axes: Sequence[Axis], *, smoothly: bool = True) -> 
         bus.stop_all([axis.motor for axis in axes], smoothly=smoothly)
     except RobotError as error:
         failures.append(str(error))
+    # Not before: who interrupts this must find something to stop.
     for axis in axes:
-        failures += attempt(axis, lambda axis=axis: axis.motor.stop(smoothly=smoothly))
+        axis.stopped()
+    for axis in axes:
+        if not (failed := switch_off_if_faulty(axis)):
+            failed = attempt(axis, lambda axis=axis: axis.motor.stop(smoothly=smoothly))
+        failures += failed
     return failures
+
+
+def without_faults(axes: Sequence[Axis]) -> list[Axis]:
+    """Look at axes before they are told to hold; those that have a fault are switched off.
+
+    Being told to stop and hold would switch them on: after an emergency stop that is all of them.
+
+    Returns:
+        The others. Where one does not answer those behind it are not waited for: to stop counts
+        more, and `stop_each` looks at each again.
+    """
+    healthy = []
+    for k, axis in enumerate(axes):
+        failed = switch_off_if_faulty(axis)
+        if axis.enabled:
+            healthy.append(axis)
+        if failed and axis.enabled:
+            return [*healthy, *axes[k + 1 :]]
+    return healthy
+
+
+def switch_off_if_faulty(axis: Axis) -> list[str]:
+    """Look at an axis, and switch it off where it has a fault.
+
+    Returns:
+        Its fault, or why it could not be looked at; nothing where all is well.
+    """
+    try:
+        axis.accept(axis.motor.poll())
+    except ServoFault as fault:
+        axis.lost = str(fault)
+        release_each([axis])
+        return [str(fault)]
+    except RobotError as error:
+        return [f"{axis}: {error}"]
+    return []
 
 
 def release_each(axes: Sequence[Axis]) -> list[str]:

@@ -180,16 +180,15 @@ class RegisterJointBus:
             motor.was_written()
 
     def stop_all(self, motors: Sequence[Motor], *, smoothly: bool) -> None:
-        """Stop servos with one packet; nobody confirms."""
+        """Stop servos with one packet; nobody confirms. One that has a fault is not told."""
         for motor in self.motors:
             motor.waiting = False
         mine = [motor for motor in self.motors if motor in motors]
         self._read(mine)
-        for motor in mine:
-            if motor.fresh is not None:
-                motor.look()
+        sound = [motor for motor in mine if motor.fresh is None or motor.look().fault is None]
+        for motor in sound:
             motor.tell_to_stop(smoothly=smoothly)
-        self._send(mine)
+        self._send(sound)
 
     def close(self) -> None:
         """Give the port back; never fails."""
