@@ -32,9 +32,21 @@ def stop(
         arm.stop()
         if release:
             arm.release()
+        _require_standstill(arm)
         state = arm.cycle()
     held = [name for name, on in zip(state.joints, state.enabled, strict=True) if on]
     printer.line(f"stopped; holding: {', '.join(held) or 'none'}")
+
+
+def _require_standstill(arm: "ArmController") -> None:
+    from nico_selfmodel.errors import ServoFault
+    from nico_selfmodel.servos.arm.shutdown import still_moving
+
+    if going := still_moving(arm.bus, arm.axes):
+        raise ServoFault(
+            f"told to stop, but still moving: {', '.join(going)}. A joint that is off may fall or "
+            "be pushed; else use the emergency stop"
+        )
 
 
 def _stop_the_rest(arm: "ArmController", release: bool) -> str:

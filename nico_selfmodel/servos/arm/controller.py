@@ -133,8 +133,8 @@ class ArmController(ClosedAtEnd):
     def connect(self) -> tuple[str, ...]:
         """Find the motors and read them all. Moves and resets nothing.
 
-        A motor whose servo is on (an earlier program left it holding) stays on; one that still
-        moves is stopped smoothly.
+        A motor whose servo is on (an earlier program left it holding) stays on, with the gains of
+        the configuration; one that still moves is stopped before anything else.
 
         Returns:
             `rezero_due`: the joints whose zero is not known.
@@ -144,6 +144,8 @@ class ArmController(ClosedAtEnd):
         """
         self._connected = False
         self.bus.find()
+        for axis in self.axes:  # all brake before the first is waited for
+            axis.motor.halt()
         for axis in self.axes:
             take_over(axis)
         self._connected = True

@@ -47,8 +47,14 @@ class Motor(Protocol):
         """Whether a reading counts only if a second one agrees: a bad line, a weak checksum."""
         ...
 
+    def halt(self) -> None:
+        """Begin to stop it where an earlier program left it moving; waits for nothing."""
+        ...
+
     def take_over(self) -> bool:
-        """Stop it smoothly where an earlier program left it moving; switch nothing on or off.
+        """Stop it where an earlier program left it moving, and set it up where it holds.
+
+        It is switched on by nothing, and off only where it is driven without its servo.
 
         Returns:
             Whether it holds its joint, without a fault.

@@ -4,8 +4,13 @@ from collections.abc import Callable, Sequence
 
 from nico_selfmodel.errors import RobotError, ServoFault
 from nico_selfmodel.servos.arm.axis import Axis
-from nico_selfmodel.servos.arm.motor import JointBus
+from nico_selfmodel.servos.arm.motor import JointBus, Reading
 from nico_selfmodel.servos.arm.take_over import take_over
+
+_STANDSTILL = 1.0
+"""How long a joint that was stopped may take until it stands [s]."""
+_PAUSE = 0.1
+"""Between two looks at a joint that is to stand [s]."""
 
 
 def stop_each(bus: JointBus, axes: Sequence[Axis], *, smoothly: bool = True) -> list[str]:
@@ -87,6 +92,46 @@ def release_each(axes: Sequence[Axis]) -> list[str]:
     return failures
 
 
+def still_moving(bus: JointBus, axes: Sequence[Axis]) -> list[str]:
+    """Wait until axes that were stopped stand, and stop abruptly what does not come to rest.
+
+    Returns:
+        Names of those that still move then, a joint that falls or is pushed among them.
+
+    Raises:
+        BusError: If one does not answer.
+        ServoFault: If one reports a fault.
+    """
+    for smoothly in (True, False):
+        until = bus.port.now() + _STANDSTILL
+        while going := _going(bus, axes):
+            if bus.port.now() > until:
+                break
+        if not going:
+            return []
+        if smoothly:
+            stop_each(bus, [axis for axis in axes if axis.enabled], smoothly=False)
+    return [axis.joint.name for axis in going]
+
+
+def _going(bus: JointBus, axes: Sequence[Axis]) -> list[Axis]:
+    """Look at axes twice; return those that moved in between, or are still braking."""
+    before = [_look(axis) for axis in axes]
+    bus.port.sleep(_PAUSE)
+    after = [_look(axis) for axis in axes]
+    return [
+        axis
+        for axis, one, other in zip(axes, before, after, strict=True)
+        if not other.standing or abs(other.position - one.position) > axis.joint.still
+    ]
+
+
+def _look(axis: Axis) -> Reading:
+    axis.accept(axis.motor.poll())
+    assert axis.last is not None
+    return axis.last
+
+
 def stop_what_answers(axes: Sequence[Axis], *, release: bool) -> tuple[list[str], list[str]]:
     """Stop or release axes of an arm that cannot be connected as a whole.
 
@@ -98,6 +143,8 @@ def stop_what_answers(axes: Sequence[Axis], *, release: bool) -> tuple[list[str]
         Names of the joints that confirmed, and what failed, in words.
     """
     done, failures = [], []
+    for axis in axes:  # all brake before the first is waited for
+        attempt(axis, axis.motor.halt)
     for axis in axes:
         failed = attempt(axis, lambda axis=axis: take_over(axis))
         if release and not failed:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from nico_selfmodel.servos.arm.motor import Motor, Reading
-from nico_selfmodel.servos.arm.servo_config import JointServo, ServoConfig
+from nico_selfmodel.servos.arm.servo_config import LONGEST_STOP, JointServo, ServoConfig
 from nico_selfmodel.servos.bus_settings import BusSettings
 from nico_selfmodel.servos.found_motor import FoundMotor, Scan
 from nico_selfmodel.servos.link_counts import LinkCounts
@@ -59,20 +59,50 @@ class PicServoMotor:
         """How well the wire to it works."""
         return self.board.bus.counts[self.board.address]
 
-    def take_over(self) -> bool:
-        """Stop it where it moves or looks for its home; return whether it holds without a fault."""
-        status, holds = self.board.watch(), False
-        if status.auxiliary is not None and status.auxiliary & AuxiliaryFlag.SERVO_ON:
-            self.board.rate_divisor = self.joint.gains.rate_divisor
-            self.board.stop_smoothly()
-            # A joint with a fault has to be enabled anew, and for that to be connected first.
-            holds = self._fault(status) is None
+    def halt(self) -> None:
+        """Begin to brake with the acceleration of the configuration, or let go of a raw PWM.
+
+        The board's own acceleration is whatever an earlier program left, so that a smooth stop
+        might take minutes.
+        """
+        status = self.board.watch()
         if status.flags & StatusFlag.HOMING:
             # Who armed it is gone: at its mark it would brake, and lose what says that it is homed.
             self.board.capture_home(0)
+        if not _servo_on(status) or not status.flags & StatusFlag.POWER_ON:
+            # No status tells a board whose PWM drives the motor from one that is off.
+            self.release()
+            return
+        joint = self.joint
+        self.board.rate_divisor = joint.gains.rate_divisor
+        self.board.brake(joint.max_acceleration * joint.counts_per_radian)
+
+    def take_over(self) -> bool:
+        """Stop it, and set it up as the configuration says where it holds.
+
+        Returns:
+            Whether it holds without a fault.
+        """
+        self.halt()
+        status = self._wait_for_standstill()
+        # A joint with a fault has to be enabled anew, and for that to be connected first.
+        holds = _servo_on(status) and self._fault(status) is None
+        if holds:
+            # What the earlier program set is not known, nor are speeds whose divisor is another.
+            self.board.set_output(self.joint.output_mode)
+            self.board.set_gains(self.joint.gains)
         # One that an earlier program left in the group would start or hold with the others.
         join_group(self.board, self.group if holds else EVERYONE)
         return holds
+
+    def _wait_for_standstill(self) -> Status:
+        """Return the state of a board that was told to brake, once it stands."""
+        port, status = self.board.bus.port, self.board.poll()
+        until = port.now() + LONGEST_STOP
+        while _servo_on(status) and not _stands(status):
+            # With the divisor of another configuration it brakes too slowly.
+            status = self.board.poll() if port.now() < until else self.board.hold()
+        return status
 
     def switch_on(self) -> None:
         """Switch the servo on where the joint stands, and let it obey the packets to its group."""
@@ -155,6 +185,16 @@ class PicServoMotor:
         if not (status.auxiliary is None or status.auxiliary & AuxiliaryFlag.SERVO_ON):
             return "its servo is off though nobody switched it off; enable it again"
         return None
+
+
+def _servo_on(status: Status) -> bool:
+    return bool((status.auxiliary or 0) & AuxiliaryFlag.SERVO_ON)
+
+
+def _stands(status: Status) -> bool:
+    """Return whether a board that was told to brake has done so: a path counts as never done."""
+    going = (status.auxiliary or 0) & AuxiliaryFlag.PATH_MODE
+    return bool(status.flags & StatusFlag.MOVE_DONE) and not going
 
 
 class PicServoJointBus:
