@@ -3,9 +3,10 @@
 import pytest
 
 from nico_selfmodel.errors import BusError, ServoFault
+from nico_selfmodel.servos.arm.shutdown import stop_unseen
 
 from ..slow_rest import slow_rest
-from .arms import JOINTS, MAKES, virtual_arm
+from .arms import JOINTS, MAKES, drive, virtual_arm
 
 
 @pytest.fixture(params=slow_rest(MAKES, plain=1))
@@ -104,3 +105,127 @@ def test_a_silent_board_does_not_hide_the_fault_of_another(virtual):
         virtual.arm.cycle()
     assert not virtual.modules[4].servo_on
     assert virtual.seconds_to_rest() < 0.5
+
+
+def babble(made):
+    """Let the receive line never become quiet; the boards hear all the same."""
+    port = made.port
+
+    def read(count, timeout):
+        port.sleep(1e-3)
+        return b"\x55" * count
+
+    port.read = read
+
+
+def moving_arm(**options):
+    made = virtual_arm(**options)
+    made.arm.connect()
+    made.arm.enable()
+    made.arm.move(dict.fromkeys(JOINTS, 1.5))
+    go_on(made, 4)
+    return made
+
+
+def seconds_until(made, done):
+    """Return how long after now something is true that the modules show."""
+    begin, sleep = made.port.time, made.port.sleep
+    when = []
+
+    def watched(seconds):
+        sleep(seconds)
+        if not when and done():
+            when.append(made.port.time - begin)
+
+    made.port.sleep = watched
+    return when
+
+
+@pytest.mark.parametrize("make", MAKES[:1])
+def test_a_stop_does_not_wait_for_the_receive_line_to_become_quiet(make):
+    made = moving_arm(make=make)
+    babble(made)
+    begin = made.port.time
+    stopped = seconds_until(made, lambda: not any(m.profile.velocity for m in made.modules))
+    with pytest.raises(BusError, match=r"never gets quiet.*none could confirm"):
+        made.arm.stop()
+    assert made.port.time - begin < 1.5
+    assert stopped[0] < 0.35
+    assert held(made) == [True] * 6
+
+
+@pytest.mark.parametrize("joints", [None, ["right_elbow", "right_wrist"]])
+def test_a_release_does_not_wait_for_the_receive_line_to_become_quiet(joints):
+    made = moving_arm()
+    babble(made)
+    off = [joints is None or name in joints for name in JOINTS]
+    released = seconds_until(made, lambda: held(made) == [not switched for switched in off])
+    with pytest.raises(BusError, match="never gets quiet"):
+        made.arm.release(joints)
+    assert released[0] < 0.2
+
+
+@pytest.mark.parametrize("release", [False, True])
+def test_a_silent_arm_is_stopped_all_the_same(release):
+    made = moving_arm()
+    drive(made.modules[3], velocity=1_000_000, acceleration=70_000)
+    made.port.sleep(0.3)
+    for module in made.modules:
+        module.silent = True
+    again = virtual_arm(made.modules)
+    again.port.time, again.port.rate = made.port.time, 19200
+    stop_unseen(again.arm.bus, again.arm.axes, release=release)
+    assert again.port.time - made.port.time < 1.0
+    assert held(again) == [not release] * 6
+    at = again.shafts()
+    again.port.sleep(1.0)
+    assert again.shafts() == at
+
+
+def test_before_anybody_is_looked_for_no_board_that_is_off_is_told_to_hold(virtual):
+    for module in virtual.modules[:3]:
+        module.overload()  # and the program dies: they are in the group still
+    virtual.modules[5].silent = True
+    again = virtual_arm(virtual.modules)
+    again.port.time = virtual.port.time
+    stop_unseen(again.arm.bus, again.arm.axes, release=False)
+    assert held(again) == [False] * 3 + [True] * 3
+
+
+def test_a_stop_that_is_interrupted_leaves_something_to_stop(virtual, monkeypatch):
+    """Ctrl-C in an exchange, and again in the stop that it causes."""
+    virtual.arm.move(dict.fromkeys(JOINTS, 1.5))
+    go_on(virtual, 4)
+    virtual.bus._doubtful = True
+
+    def interrupt(seconds):
+        raise KeyboardInterrupt
+
+    told = commands_to_hold(virtual)
+    with monkeypatch.context() as interrupted:
+        interrupted.setattr(virtual.port, "read", lambda count, timeout: interrupt(0.0))
+        interrupted.setattr(virtual.port, "sleep", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            virtual.arm.stop()
+    assert virtual.arm.moving
+    virtual.port.sleep(0.05)
+    assert sorted(set(told)) == [1, 2, 3, 4, 5, 6]  # the first stop was written before all else
+    virtual.arm.close()
+    assert virtual.seconds_to_rest() < 0.3
+    assert not virtual.arm.moving
+
+
+@pytest.mark.parametrize("make", slow_rest(MAKES[1:]))
+def test_servos_on_a_noisy_line_are_told_to_stop_all_the_same(make):
+    made = moving_arm(make=make)
+    made.bus._doubtful = True
+    babble(made)
+    written, original = [], made.port.write
+    made.port.write = lambda data: (written.append(bytes(data)), original(data))
+    with pytest.raises(BusError, match="never gets quiet"):
+        made.arm.stop()
+    assert written
+    with pytest.raises(BusError, match="never gets quiet"):
+        made.arm.release()
+    made.port.sleep(0.1)
+    assert held(made) == [False] * 6

@@ -10,10 +10,9 @@ from nico_selfmodel.servos import ArmController
 from nico_selfmodel.servos.arm.shutdown import still_moving
 from nico_selfmodel.servos.pic_servo.joint_bus import PicServoJointBus
 from nico_selfmodel.servos.pic_servo.protocol.gains import Gains
-from nico_selfmodel.servos.pic_servo.protocol.trajectory import LoadTrajectory, TrajectoryFlag
 
 from ..slow_rest import slow_rest
-from .arms import COUNTS_PER_TURN, MAKES, configuration, virtual_arm
+from .arms import COUNTS_PER_TURN, MAKES, configuration, drive, virtual_arm
 
 ELBOW = 3
 COUNTS_PER_RADIAN = COUNTS_PER_TURN / (2 * math.pi)
@@ -29,13 +28,6 @@ def next_program(made, gains=None, **options):
         config = replace(config, joints=joints)
         again.arm = ArmController(PicServoJointBus(again.bus, config), config, trust_zero=True)
     return again
-
-
-def drive(module, velocity=None, acceleration=None, **options):
-    """Let another program drive a board, by velocity or by PWM."""
-    mode = 0 if velocity is None else TrajectoryFlag.SERVO | TrajectoryFlag.VELOCITY_MODE
-    flags = mode | TrajectoryFlag.START_NOW
-    module.execute(LoadTrajectory(flags, velocity=velocity, acceleration=acceleration, **options))
 
 
 @pytest.mark.parametrize(("before", "after"), [(1, 5), (5, 1), (1, 1)])

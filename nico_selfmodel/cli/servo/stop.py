@@ -21,10 +21,12 @@ def stop(
 ) -> None:
     """Stop every joint; the joints that were on go on holding."""
     from nico_selfmodel.errors import RobotError
+    from nico_selfmodel.servos.arm.shutdown import stop_unseen
 
     if release:
         ask("Switch the motors off? What gravity pulls falls.", yes=yes)
     with opened(port, config) as arm:
+        stop_unseen(arm.bus, arm.axes, release=release)
         try:
             arm.connect()
         except RobotError as error:
@@ -55,4 +57,6 @@ def _stop_the_rest(arm: "ArmController", release: bool) -> str:
 
     done, _ = stop_what_answers(arm.axes, release=release)
     what = "switched off" if release else "stopped"
-    return f"{what.capitalize()} all the same: {', '.join(done)}" if done else f"None was {what}"
+    if not done:
+        return f"None confirmed that it was {what}: all were told, use the emergency stop"
+    return f"{what.capitalize()} all the same: {', '.join(done)}"

@@ -15,7 +15,12 @@ from nico_selfmodel.servos.arm.motor import JointBus
 from nico_selfmodel.servos.arm.pose_limits import PoseLimits
 from nico_selfmodel.servos.arm.readiness import require_ready, require_zero
 from nico_selfmodel.servos.arm.servo_config import ServoConfig
-from nico_selfmodel.servos.arm.shutdown import release_each, stop_each, without_faults
+from nico_selfmodel.servos.arm.shutdown import (
+    release_at_once,
+    release_each,
+    stop_each,
+    without_faults,
+)
 from nico_selfmodel.servos.arm.take_over import switch_on, take_over
 from nico_selfmodel.servos.arm_state import ArmState
 from nico_selfmodel.servos.bus_settings import BusSettings
@@ -359,7 +364,7 @@ class ArmController(ClosedAtEnd):
             BusError: If a motor did not confirm; all others were told nevertheless.
         """
         self._require_connection()
-        failures = release_each(self._chosen(joints))
+        failures = release_at_once(self.bus, self._chosen(joints))
         if failures:
             raise BusError(f"not every joint confirmed the release: {'; '.join(failures)}")
 

@@ -1,6 +1,7 @@
 """The PIC-SERVO boards of an arm, as the arm's controller sees them."""
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
 
 from nico_selfmodel.servos.arm.motor import Motor, Reading
@@ -15,10 +16,12 @@ from nico_selfmodel.servos.pic_servo.line.bus import Bus
 from nico_selfmodel.servos.pic_servo.line.chain import (
     group_of,
     join_group,
+    release_together,
     scan,
     start_together,
     stop_together,
 )
+from nico_selfmodel.servos.pic_servo.protocol.commands import StopMode, StopMotor
 from nico_selfmodel.servos.pic_servo.protocol.packets import EVERYONE
 from nico_selfmodel.servos.pic_servo.protocol.status import (
     AuxiliaryFlag,
@@ -46,6 +49,8 @@ class PicServoMotor:
         self.joint, self.board, self.group = joint, board, group
         self.loaded = False
         """Whether it has a motion that was not started."""
+        self.member = False
+        """Whether it is known to obey the packets to the group."""
         self.flags = StatusFlag(0)
         """Of its last reply."""
 
@@ -92,7 +97,7 @@ class PicServoMotor:
             self.board.set_output(self.joint.output_mode)
             self.board.set_gains(self.joint.gains)
         # One that an earlier program left in the group would start or hold with the others.
-        join_group(self.board, self.group if holds else EVERYONE)
+        self._join(member=holds)
         return holds
 
     def _wait_for_standstill(self) -> Status:
@@ -111,7 +116,7 @@ class PicServoMotor:
         self.board.arm_amplifier()
         self.board.hold()
         self.board.clear_faults()
-        join_group(self.board, self.group)
+        self._join(member=True)
 
     def poll(self) -> Reading:
         """Return what the board says now."""
@@ -146,7 +151,12 @@ class PicServoMotor:
     def release(self) -> None:
         """Switch motor and amplifier off, and leave the group."""
         self.board.release()
-        join_group(self.board, EVERYONE)
+        self._join(member=False)
+
+    def _join(self, *, member: bool) -> None:
+        self.member = False
+        join_group(self.board, self.group if member else EVERYONE)
+        self.member = member
 
     def knows_its_zero(self) -> bool:
         """Return whether the zero was set since the board was powered up."""
@@ -277,6 +287,18 @@ class PicServoJointBus:
         for motor in self.motors:
             motor.loaded = False
         stop_together(self.bus, self.group, smoothly=smoothly)
+
+    def release_all(self, motors: Sequence[Motor]) -> None:
+        """Switch boards off at once; nobody confirms."""
+        if all(motor in motors for motor in self.motors):
+            release_together(self.bus, self.group)
+        for motor in self.motors:
+            if motor in motors and not (motor.member and len(motors) == len(self.motors)):
+                self.bus.send_at_once(motor.board.address, StopMotor(StopMode.MOTOR_OFF))
+
+    def hurried(self) -> AbstractContextManager[None]:
+        """Ask every board but once, while somebody waits for a stop."""
+        return self.bus.hurried()
 
     def close(self) -> None:
         """Give the port back; never fails."""

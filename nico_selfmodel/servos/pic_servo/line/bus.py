@@ -9,8 +9,13 @@ from nico_selfmodel.servos.pic_servo.protocol.commands import (
     Command,
     ReadStatus,
     SetBaud,
+    StopMotor,
 )
-from nico_selfmodel.servos.pic_servo.protocol.packets import EVERYONE, DamagedPacketError
+from nico_selfmodel.servos.pic_servo.protocol.packets import (
+    EVERYONE,
+    FIRST_GROUP,
+    DamagedPacketError,
+)
 from nico_selfmodel.servos.pic_servo.protocol.status import (
     Status,
     StatusFlag,
@@ -24,6 +29,8 @@ from nico_selfmodel.servos.ports import SerialPort
 
 FLUSH = bytes(30)
 """Longer than the rest of any packet: ends a half-heard one with a wrong checksum."""
+_LONGEST_REPLY = 20
+"""Bytes, and one more."""
 
 
 class UncertainError(BusError):
@@ -84,6 +91,8 @@ class Bus(PortOwner):
         packet = encode_command(address, command)
         again = may_repeat(command) if repeatable is None else repeatable
         with self._lock:
+            if self._doubtful and isinstance(command, StopMotor):
+                self.send_at_once(address, command)  # the line may take its time to become quiet
             return self._persist(packet, items, again, attempts or self.settings.attempts, address)
 
     def _persist(
@@ -165,11 +174,30 @@ class Bus(PortOwner):
         with self._lock:
             if self._doubtful:
                 self.counts[address].stray_bytes += self.resynchronise()
+            self._let_go(encode_command(address, command))
+
+    def send_at_once(self, address: int, command: Command) -> None:
+        """Send a command without a look at what arrives: a stop must not wait for a quiet line.
+
+        What a module replies is thrown away before the next exchange.
+
+        Args:
+            address: Of the group, or of a module.
+            command: What to do, the same twice as once.
+        """
+        with self._lock:
             packet = encode_command(address, command)
-            self.port.write(packet)
-            # Written is not sent: a reply can only follow when the bytes have left.
-            self.port.read(0, 0.0)
-            self.wait(len(packet) * 10 / self.port.rate + 2 * TICK)
+            self._let_go(FLUSH + packet if self._doubtful else packet)
+            if address < FIRST_GROUP:
+                self._doubtful = True
+                self.wait(_LONGEST_REPLY * 10 / self.port.rate)
+
+    def _let_go(self, data: bytes) -> None:
+        """Write what nobody answers, and wait until it has left and is carried out."""
+        self.port.write(data)
+        # Written is not sent: a reply can only follow when the bytes have left.
+        self.port.read(0, 0.0)
+        self.wait(len(data) * 10 / self.port.rate + 2 * TICK)
 
     def resynchronise(self) -> int:
         """End what modules may have half heard, and wait until nothing arrives any more.
@@ -178,7 +206,7 @@ class Bus(PortOwner):
             Number of bytes that arrived unasked.
 
         Raises:
-            BusError: If the line never becomes quiet.
+            NoisyLineError: If the line never becomes quiet.
         """
         with self._lock:
             self.port.write(FLUSH)
@@ -189,7 +217,7 @@ class Bus(PortOwner):
 
     def _drain(self) -> int:
         """Read until nothing has come for as long as the longest reply could take."""
-        quiet = 20 * 10 / self.port.rate + 2 * TICK + 2 * self.settings.latency
+        quiet = _LONGEST_REPLY * 10 / self.port.rate + 2 * TICK + 2 * self.settings.latency
         quiet += self.settings.slack / 4
         return self._until_quiet(quiet)
 

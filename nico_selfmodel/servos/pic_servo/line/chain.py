@@ -162,4 +162,15 @@ def stop_together(bus: Bus, group: int, *, smoothly: bool = True) -> None:
     It also switches the amplifiers on, so only for a group of modules that are enabled.
     """
     mode = StopMode.SMOOTH if smoothly else StopMode.ABRUPT
-    bus.send(group, nmc.StopMotor(StopMode.AMPLIFIER | mode))
+    _tell_twice(bus, group, nmc.StopMotor(StopMode.AMPLIFIER | mode))
+
+
+def release_together(bus: Bus, group: int) -> None:
+    """Switch motors and amplifiers of a group off with one packet. Nobody answers."""
+    _tell_twice(bus, group, nmc.StopMotor(StopMode.MOTOR_OFF))
+
+
+def _tell_twice(bus: Bus, group: int, command: nmc.Command) -> None:
+    # Nobody confirms, so that one may be lost.
+    for _ in range(2):
+        bus.send_at_once(group, command)
