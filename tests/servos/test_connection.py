@@ -44,7 +44,7 @@ def test_a_configuration_of_a_part_numbers_no_chain(part):
     """Its first board would be taken for the fourth, and the next program would believe it."""
     made = arm_with(boards(6), part)
     for _ in range(2):
-        with pytest.raises(BusError, match="without an address waits behind .*whole chain"):
+        with pytest.raises(BusError, match=r"without an address waits behind .*whole chain"):
             made.arm.connect()
         assert addresses(made) == [0] * 6
     whole = arm_with(made.modules, (1, 2, 3, 4, 5, 6))

@@ -175,7 +175,8 @@ class RegisterJointBus:
         goals = {motor.address: motor.encode(motor.told) for motor in motors if motor.told}
         if not goals:
             return
-        self.bus.sync_write(self.motor_type.goal_register, goals, at_once=at_once)
+        write = self.bus.sync_write_at_once if at_once else self.bus.sync_write
+        write(self.motor_type.goal_register, goals)
         for motor in motors:
             motor.was_written()
 
@@ -195,7 +196,7 @@ class RegisterJointBus:
         """Switch servos off with one packet; nobody confirms."""
         off = {motor.address: b"\x00" for motor in self.motors if motor in motors}
         if off:
-            self.bus.sync_write(self.motor_type.torque_register, off, at_once=True)
+            self.bus.sync_write_at_once(self.motor_type.torque_register, off)
 
     def hurried(self) -> AbstractContextManager[None]:
         """Ask every servo but once, while somebody waits for a stop."""

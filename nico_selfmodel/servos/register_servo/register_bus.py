@@ -73,17 +73,16 @@ class RegisterBus(PortOwner):
             self._doubtful = True
             packet(self._sdk_port)
 
-    def sync_write(self, register: int, data: dict[int, bytes], *, at_once: bool = False) -> None:
-        """Write the same registers of several servos at once; nobody confirms.
-
-        Args:
-            register: The first.
-            data: What to write, by id.
-            at_once: Whether not to wait for a quiet line, as a stop must not.
-        """
+    def sync_write(self, register: int, data: dict[int, bytes]) -> None:
+        """Write the same registers of several servos at once; nobody confirms."""
         with self._lock:
-            if self._doubtful and not at_once:
+            if self._doubtful:
                 self._drain()
+            self.sync_write_at_once(register, data)
+
+    def sync_write_at_once(self, register: int, data: dict[int, bytes]) -> None:
+        """Do the same without waiting for a quiet line, as a stop must not."""
+        with self._lock:
             self.sdk.sync_write(self._sdk_port, register, data)
             self.heard = self.port.now()
             # What follows must not be sent into it.
