@@ -1,5 +1,7 @@
 """The one owner of the port: a command out, the reply of that module in, whatever the line does."""
 
+import math
+
 from nico_selfmodel.errors import BusError
 from nico_selfmodel.servos.bus_settings import BusSettings, NoReplyError
 from nico_selfmodel.servos.link_counts import LinkCounts
@@ -25,12 +27,26 @@ from nico_selfmodel.servos.pic_servo.protocol.status import (
 )
 from nico_selfmodel.servos.pic_servo.protocol.trajectory import TICK
 from nico_selfmodel.servos.port_owner import PortOwner
-from nico_selfmodel.servos.ports import SerialPort
+from nico_selfmodel.servos.ports import Port, SerialPort
 
 FLUSH = bytes(30)
 """Longer than the rest of any packet: ends a half-heard one with a wrong checksum."""
 _LONGEST_REPLY = 20
 """Bytes, and one more."""
+_QUESTIONS = (
+    StatusItem.CURRENT | StatusItem.VELOCITY,
+    StatusItem.POSITION | StatusItem.CURRENT,
+    StatusItem.POSITION | StatusItem.VELOCITY,
+    StatusItem.CURRENT,
+)
+"""Items whose replies have lengths that no other reply here has."""
+_SILENCE = "no reply"
+_STRAGGLING = 0.1
+"""How late a reply may be that a later one has passed [s]."""
+_LATEST = 0.25
+"""Longest delay of replies that every exchange waits for [s]."""
+_FORGETTING = 0.9
+"""What is left of a delay that was seen after each exchange that needed none of it."""
 
 
 class UncertainError(BusError):
@@ -43,6 +59,22 @@ class Bus(PortOwner):
     Raises:
         PortLostError: From its methods, if the port is gone.
     """
+
+    def __init__(self, port: Port, settings: BusSettings | None = None) -> None:
+        """Take a port over; sends nothing.
+
+        Args:
+            port: An open port that nobody else reads or writes.
+        """
+        super().__init__(port, settings)
+        self._owed = 0
+        """How many replies were given up of which no byte has come yet."""
+        self._owed_since = self._asked_at = 0.0
+        """When the first of those commands was sent, and the last command of all [s]."""
+        self._late = 0.0
+        """How late replies came lately [s]."""
+        self._lengths = (0, 0)
+        """Of the last replies by which it was seen that none is owed."""
 
     @classmethod
     def open(cls, name: str, rate: int = 19200, settings: BusSettings | None = None) -> "Bus":
@@ -91,8 +123,10 @@ class Bus(PortOwner):
         packet = encode_command(address, command)
         again = may_repeat(command) if repeatable is None else repeatable
         with self._lock:
-            if self._doubtful and isinstance(command, StopMotor):
+            if (self._doubtful or self._owed) and isinstance(command, StopMotor):
                 self.send_at_once(address, command)  # the line may take its time to become quiet
+            if self._owed:
+                self._catch_up(address, items, attempts or self.settings.attempts)
             return self._persist(packet, items, again, attempts or self.settings.attempts, address)
 
     def _persist(
@@ -122,6 +156,7 @@ class Bus(PortOwner):
             # be taken for it.
             if attempt and (stray := self._drain()):
                 counts.stray_bytes += stray
+                self._account(stray)
                 failure, self._doubtful = DamagedPacketError("its replies come late"), True
                 if again:
                     continue
@@ -130,17 +165,69 @@ class Bus(PortOwner):
         counts.failures += 1
         raise NoReplyError(f"module {address} does not answer ({failure})") from failure
 
+    def _catch_up(self, address: int, items: int, attempts: int) -> None:
+        """Wait until no reply is under way that was given up: it would be taken for the next one.
+
+        Raises:
+            NoReplyError: If the module does not answer.
+        """
+        counts = self.counts[address]
+        for attempt in range(attempts):
+            if self._doubtful:
+                counts.stray_bytes += self.resynchronise()
+            if not self._owed or self._caught_up(address, items, attempt):
+                return
+        counts.failures += 1
+        raise NoReplyError(f"module {address} does not answer ({_SILENCE})")
+
+    def _caught_up(self, address: int, items: int, attempt: int) -> bool:
+        """Ask a module for something whose reply is as long as none that may be under way.
+
+        When that comes, what was asked for before has been answered.
+        """
+        since = self._owed_since
+        lengths = (reply_length(items), *self._lengths)
+        question = next(one for one in _QUESTIONS if reply_length(one) not in lengths)
+        self._lengths = (*self._lengths[1:], reply_length(question))
+        packet = encode_command(address, ReadStatus(question))
+        # Motors answer in turn, and so do adapters; still, one that is late may have been passed.
+        until = self._asked_at + max(_STRAGGLING, 1.5 * self._late)
+        try:
+            self._attempt(packet, question, attempt, LinkCounts())
+        except DamagedPacketError as error:
+            if str(error) != _SILENCE:
+                self._note_lateness(since)
+            return False
+        if stray := self._drain(until - self.port.now()):
+            self.counts[address].stray_bytes += stray
+            self._note_lateness(since)
+            self._doubtful = True
+            return False
+        self._owed = 0
+        return True
+
+    def _account(self, stray: int) -> None:
+        """Note that bytes came that may be replies which were given up."""
+        self._owed = max(0, self._owed - math.ceil(stray / _LONGEST_REPLY))
+
+    def _note_lateness(self, since: float) -> None:
+        """Be as patient from now on as a reply was late to a command sent at a time [s]."""
+        self._late = min(_LATEST, max(self._late, self.port.now() - since))
+
     def _attempt(self, packet: bytes, items: int, attempt: int, counts: LinkCounts) -> Status:
         """Send once and read exactly the reply."""
         counts.stray_bytes += len(self.port.read(4096, 0.0))
-        length = reply_length(items)
+        length, self._asked_at = reply_length(items), self.port.now()
         # Until the reply is here: who interrupts this must not leave it to the next who asks.
         self._doubtful = True
+        self._owed_since = self._owed_since if self._owed else self._asked_at
+        self._owed += 1
         self.port.write(packet)
         reply = self.port.read(length, self._patience(len(packet) + length, attempt))
+        self._owed -= bool(reply)
         if len(reply) < length:
             counts.timeouts += 1
-            what = f"{len(reply)} of {length} bytes" if reply else "no reply"
+            what = f"{len(reply)} of {length} bytes" if reply else _SILENCE
             raise DamagedPacketError(what)
         try:
             status = decode_status(items, reply)
@@ -156,13 +243,14 @@ class Bus(PortOwner):
             counts.stray_bytes += len(extra)
             raise DamagedPacketError(f"{len(extra)} bytes too many")
         self._doubtful = False
+        self._late *= _FORGETTING
         return status
 
     def _patience(self, bytes_under_way: int, attempt: int) -> float:
         """Return how long an exchange may take [s]."""
         wire = bytes_under_way * 10 / self.port.rate
         slack = self.settings.slack * min(2**attempt, 8)
-        return wire + TICK + 2e-3 + 2 * self.settings.latency + slack
+        return wire + TICK + 2e-3 + 2 * self.settings.latency + slack + self._late
 
     def send(self, address: int, command: Command) -> None:
         """Send a command that nobody answers: to a group without a leader, or a reset.
@@ -212,14 +300,19 @@ class Bus(PortOwner):
             self.port.write(FLUSH)
             self.wait(len(FLUSH) * 10 / self.port.rate)
             stray = self._drain()
+            self._account(stray)
             self._doubtful = False
             return stray
 
-    def _drain(self) -> int:
-        """Read until nothing has come for as long as the longest reply could take."""
+    def _drain(self, at_least: float = 0.0) -> int:
+        """Read until nothing has come for as long as the longest reply could take.
+
+        Args:
+            at_least: For how long at least [s].
+        """
         quiet = _LONGEST_REPLY * 10 / self.port.rate + 2 * TICK + 2 * self.settings.latency
-        quiet += self.settings.slack / 4
-        return self._until_quiet(quiet)
+        quiet += max(self.settings.slack / 4, 1.5 * self._late)
+        return self._until_quiet(max(quiet, at_least))
 
     def wait(self, seconds: float) -> None:
         """Let time of the port pass; what arrives meanwhile stays for the next reader."""
