@@ -43,6 +43,8 @@ _QUESTIONS = (
 _SILENCE = "no reply"
 _STRAGGLING = 0.1
 """How late a reply may be that a later one has passed [s]."""
+_DOUBLED = 2
+"""So many bytes behind a reply are no other: damage may double one."""
 _LATEST = 0.25
 """Longest delay of replies that every exchange waits for [s]."""
 _FORGETTING = 0.9
@@ -171,48 +173,57 @@ class Bus(PortOwner):
         Raises:
             NoReplyError: If the module does not answer.
         """
-        counts = self.counts[address]
+        counts, since, crossed = self.counts[address], self._owed_since, False
         for attempt in range(attempts):
             if self._doubtful:
-                counts.stray_bytes += self.resynchronise()
-            if not self._owed or self._caught_up(address, items, attempt):
+                stray = self.resynchronise()
+                counts.stray_bytes += stray
+                if crossed and stray > _DOUBLED:  # another reply came in place of the one behind it
+                    self._note_lateness(since)
+            if not self._owed:
                 return
+            try:
+                stray = self._ask_otherwise(address, items, attempt)
+            except DamagedPacketError as error:
+                crossed = str(error) != _SILENCE
+                continue
+            if not stray:
+                self._owed = 0
+                return
+            counts.stray_bytes += stray
+            self._doubtful = True
+            if stray > _DOUBLED:
+                self._note_lateness(since)
         counts.failures += 1
         raise NoReplyError(f"module {address} does not answer ({_SILENCE})")
 
-    def _caught_up(self, address: int, items: int, attempt: int) -> bool:
+    def _ask_otherwise(self, address: int, items: int, attempt: int) -> int:
         """Ask a module for something whose reply is as long as none that may be under way.
 
         When that comes, what was asked for before has been answered.
+
+        Returns:
+            Number of bytes that came behind it.
+
+        Raises:
+            DamagedPacketError: If something else came, or nothing.
         """
-        since = self._owed_since
         lengths = (reply_length(items), *self._lengths)
         question = next(one for one in _QUESTIONS if reply_length(one) not in lengths)
         self._lengths = (*self._lengths[1:], reply_length(question))
         packet = encode_command(address, ReadStatus(question))
         # Motors answer in turn, and so do adapters; still, one that is late may have been passed.
         until = self._asked_at + max(_STRAGGLING, 1.5 * self._late)
-        try:
-            self._attempt(packet, question, attempt, LinkCounts())
-        except DamagedPacketError as error:
-            if str(error) != _SILENCE:
-                self._note_lateness(since)
-            return False
-        if stray := self._drain(until - self.port.now()):
-            self.counts[address].stray_bytes += stray
-            self._note_lateness(since)
-            self._doubtful = True
-            return False
-        self._owed = 0
-        return True
-
-    def _account(self, stray: int) -> None:
-        """Note that bytes came that may be replies which were given up."""
-        self._owed = max(0, self._owed - math.ceil(stray / _LONGEST_REPLY))
+        self._attempt(packet, question, attempt, LinkCounts())
+        return self._drain(until - self.port.now())
 
     def _note_lateness(self, since: float) -> None:
         """Be as patient from now on as a reply was late to a command sent at a time [s]."""
         self._late = min(_LATEST, max(self._late, self.port.now() - since))
+
+    def _account(self, stray: int) -> None:
+        """Note that bytes came that may be replies which were given up."""
+        self._owed = max(0, self._owed - math.ceil(stray / _LONGEST_REPLY))
 
     def _attempt(self, packet: bytes, items: int, attempt: int, counts: LinkCounts) -> Status:
         """Send once and read exactly the reply."""

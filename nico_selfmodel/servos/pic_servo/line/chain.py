@@ -63,7 +63,7 @@ def scan(
     order = list(addresses or range(1, LONGEST_CHAIN + 1))
     known = [address for address in order if anybody(bus, address, attempts) is not None]
     fresh = _assign(bus, order, known, whole=whole)
-    if whole and (known or fresh) and anybody(bus, UNADDRESSED) is not None:
+    if whole and (known or fresh) and _somebody_waits(bus):
         _forget(bus, fresh)
         raise BusError(
             f"a module without an address waits behind the {len(order)} of the configuration "
@@ -100,7 +100,10 @@ def _assign(bus: Bus, order: Sequence[int], known: list[int], *, whole: bool) ->
         if anybody(bus, address, _SURE) is not None:
             known.append(address)  # it was only slow: no second module must get its address
             continue
-        if whole and (behind := [other for other in order[k + 1 :] if other in known]):
+        behind = [other for other in order[k + 1 :] if other in known]
+        if whole and behind:
+            if not _somebody_waits(bus):
+                return fresh
             _forget(bus, fresh)
             raise BusError(
                 f"a module has no address, but modules behind address {address} have theirs "
@@ -110,6 +113,11 @@ def _assign(bus: Bus, order: Sequence[int], known: list[int], *, whole: bool) ->
         _give(bus, address)
         fresh.append(address)
     return fresh
+
+
+def _somebody_waits(bus: Bus) -> bool:
+    """Return whether a module has no address: damage that shows nowhere must not say so."""
+    return all(anybody(bus, UNADDRESSED) is not None for _ in range(_SURE))
 
 
 def _give(bus: Bus, address: int) -> None:
