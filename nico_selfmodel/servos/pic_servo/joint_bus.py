@@ -80,7 +80,7 @@ class PicServoMotor:
             return
         joint = self.joint
         self.board.rate_divisor = joint.gains.rate_divisor
-        self.board.brake(joint.max_acceleration * joint.counts_per_radian)
+        self.board.brake(joint.largest_acceleration)
 
     def take_over(self) -> bool:
         """Stop it, and set it up as the configuration says where it holds.

@@ -254,7 +254,7 @@ class RegisterMotor(ABC):
         if not (state.standing and abs(state.commanded - state.goal.position) <= 1):
             # One that stopped by itself must not go on to where it was sent.
             joint = self.joint
-            acceleration = joint.max_acceleration * joint.counts_per_radian
+            acceleration = joint.largest_acceleration
             self.tell_to_stop(smoothly=True, acceleration=acceleration)
             assert self.told is not None
             self.tell(
@@ -287,7 +287,7 @@ class RegisterMotor(ABC):
         joint = self.joint
         velocity = joint.max_velocity * joint.counts_per_radian
         # Before the torque, lest it go where it was sent last.
-        self.tell(state.position, velocity, joint.max_acceleration * joint.counts_per_radian)
+        self.tell(state.position, velocity, joint.largest_acceleration)
         self.write_goal()
         self.bus.write(self.address, self.torque_register, b"\x01")
         self.tell(self.look().position, None, None)
