@@ -47,12 +47,16 @@ _DOUBLED = 2
 """So many bytes behind a reply are no other: damage may double one."""
 _LATEST = 0.25
 """Longest delay of replies that every exchange waits for [s]."""
-_FORGETTING = 0.9
+_FORGETTING = 0.7
 """What is left of a delay that was seen after each exchange that needed none of it."""
 
 
 class UncertainError(BusError):
     """The reply to a command that must not be repeated was lost: it may have been carried out."""
+
+
+class _ShortReplyError(DamagedPacketError):
+    """A reply came with too few bytes, or none."""
 
 
 class Bus(PortOwner):
@@ -185,7 +189,7 @@ class Bus(PortOwner):
             try:
                 stray = self._ask_otherwise(address, items, attempt)
             except DamagedPacketError as error:
-                crossed = str(error) != _SILENCE
+                crossed = not isinstance(error, _ShortReplyError)
                 continue
             if not stray:
                 self._owed = 0
@@ -234,12 +238,13 @@ class Bus(PortOwner):
         self._owed_since = self._owed_since if self._owed else self._asked_at
         self._owed += 1
         self.port.write(packet)
-        reply = self.port.read(length, self._patience(len(packet) + length, attempt))
+        patience = self._patience(len(packet) + length, attempt)
+        reply = self.port.read(length, patience + self._late)
         self._owed -= bool(reply)
         if len(reply) < length:
             counts.timeouts += 1
             what = f"{len(reply)} of {length} bytes" if reply else _SILENCE
-            raise DamagedPacketError(what)
+            raise _ShortReplyError(what)
         try:
             status = decode_status(items, reply)
         except DamagedPacketError:
@@ -254,14 +259,15 @@ class Bus(PortOwner):
             counts.stray_bytes += len(extra)
             raise DamagedPacketError(f"{len(extra)} bytes too many")
         self._doubtful = False
-        self._late *= _FORGETTING
+        if self.port.now() - self._asked_at <= patience:
+            self._late *= _FORGETTING
         return status
 
     def _patience(self, bytes_under_way: int, attempt: int) -> float:
         """Return how long an exchange may take [s]."""
         wire = bytes_under_way * 10 / self.port.rate
         slack = self.settings.slack * min(2**attempt, 8)
-        return wire + TICK + 2e-3 + 2 * self.settings.latency + slack + self._late
+        return wire + TICK + 2e-3 + 2 * self.settings.latency + slack
 
     def send(self, address: int, command: Command) -> None:
         """Send a command that nobody answers: to a group without a leader, or a reset.
