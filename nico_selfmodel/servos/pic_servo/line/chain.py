@@ -100,19 +100,42 @@ def _assign(bus: Bus, order: Sequence[int], known: list[int], *, whole: bool) ->
         if anybody(bus, address, _SURE) is not None:
             known.append(address)  # it was only slow: no second module must get its address
             continue
-        behind = [other for other in order[k + 1 :] if other in known]
-        if whole and behind:
+        if whole and any(other in known for other in order[k + 1 :]):
             if not _somebody_waits(bus):
                 return fresh
-            _forget(bus, fresh)
-            raise BusError(
-                f"a module has no address, but modules behind address {address} have theirs "
-                f"({', '.join(map(str, behind))}), so that it may be any: support the arm, switch "
-                "all boards off and on, and home it again"
-            )
-        _give(bus, address)
+            _give_back(bus, order[k : k + 2], known, fresh)
+        else:
+            _give(bus, address)
         fresh.append(address)
     return fresh
+
+
+def _give_back(bus: Bus, places: Sequence[int], known: list[int], fresh: Sequence[int]) -> None:
+    """Give an address to a module before others that have theirs: only one that was reset alone.
+
+    Such a one kept the module behind it from answering, which then does so at its own address.
+
+    Args:
+        places: The address, and that of the module behind it.
+        known: Where somebody answers; grows by the module behind.
+        fresh: Addresses that were just given.
+
+    Raises:
+        BusError: If it may be another module.
+    """
+    address, following = places
+    if following not in known:
+        _give(bus, address)
+        if anybody(bus, UNADDRESSED) is None and anybody(bus, following, _SURE) is not None:
+            known.append(following)
+            return
+        fresh = [*fresh, address]
+    _forget(bus, fresh)
+    raise BusError(
+        f"a module without an address may be another than module {address}, as modules behind "
+        "that have their addresses: support the arm, switch all boards off and on, and home it "
+        "again"
+    )
 
 
 def _somebody_waits(bus: Bus) -> bool:
