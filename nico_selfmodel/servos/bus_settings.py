@@ -12,6 +12,10 @@ class NoReplyError(BusError):
     """A motor did not answer, or only with damaged bytes, however often it was asked."""
 
 
+class NoisyLineError(BusError):
+    """The receive line never becomes quiet, so that nobody can be understood."""
+
+
 @dataclass(frozen=True)
 class BusSettings:
     """How patient a bus is."""

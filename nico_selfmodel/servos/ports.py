@@ -4,6 +4,7 @@ import errno
 import os
 import select
 import time
+from contextlib import suppress
 from typing import Protocol
 
 from nico_selfmodel.errors import BusError
@@ -73,6 +74,7 @@ class SerialPort:
             self._serial.reset_input_buffer()
         except (OSError, ValueError, *_terminal_errors()) as error:
             raise PortLostError(_why_not(self.name, error)) from error
+        _take_alone(self._serial.fileno(), self.name)
         try:
             self._serial.set_low_latency_mode(True)
             self.low_latency = True
@@ -160,6 +162,17 @@ def _terminal_errors() -> tuple[type[BaseException], ...]:
     import termios
 
     return (termios.error,)  # no OSError, unlike every other error of a port
+
+
+def _take_alone(handle: int, name: str) -> None:
+    """Let no program open the device beside us, also one that asks for no lock."""
+    import fcntl
+    import termios
+
+    # A pseudo-terminal would stay locked when a program is killed: its other side keeps it open.
+    if not os.path.realpath(name).startswith("/dev/pts/"):
+        with suppress(OSError):
+            fcntl.ioctl(handle, termios.TIOCEXCL)
 
 
 def _why_not(name: str, error: BaseException) -> str:

@@ -17,6 +17,7 @@ from nico_selfmodel.servos.feetech.sdk import FeetechSdk
 from nico_selfmodel.servos.makes import make_named
 from nico_selfmodel.servos.pic_servo.joint_bus import PicServoJointBus
 from nico_selfmodel.servos.pic_servo.line.bus import Bus
+from nico_selfmodel.servos.pic_servo.protocol.trajectory import LoadTrajectory, TrajectoryFlag
 from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
 from nico_selfmodel.servos.register_servo.register_bus import RegisterBus
 from nico_selfmodel.servos.simulated.line import SimulatedLine
@@ -127,6 +128,13 @@ def addressed_modules(baud=19200):
     for address, module in enumerate(modules, 1):
         module.address, module.was_addressed, module.baud = address, True, baud
     return modules
+
+
+def drive(module, velocity=None, acceleration=None, **options):
+    """Let another program drive a board, by velocity or by PWM."""
+    mode = 0 if velocity is None else TrajectoryFlag.SERVO | TrajectoryFlag.VELOCITY_MODE
+    flags = mode | TrajectoryFlag.START_NOW
+    module.execute(LoadTrajectory(flags, velocity=velocity, acceleration=acceleration, **options))
 
 
 def wait_for(condition, seconds=SOON):

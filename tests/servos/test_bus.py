@@ -122,6 +122,55 @@ def test_a_late_reply_is_never_taken_for_anothers(two, late):
         assert position(bus, 1) == 111
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "share", "in_order"),
+    [
+        *((0.03, 0.06, 1.0, False), (0.03, 0.06, 0.2, False), (0.02, 0.1, 0.1, False)),
+        *((0.03, 0.06, 0.5, True), (0.05, 0.3, 0.1, True), (0.05, 0.3, 1.0, True)),
+    ],
+)
+def test_on_a_line_whose_replies_come_late_none_is_taken_for_anothers(low, high, share, in_order):
+    """A busy host or adapter hands replies on so late that the next one has been asked."""
+    rng = np.random.default_rng((7, round(100 * high)))
+    line = PicServoLine([SimulatedModule() for _ in range(6)])
+    bus = Bus(SimulatedPort(line))
+    scan(bus, range(1, 7))
+    for k, module in enumerate(line.modules):
+        module.shaft = 1000.0 * k
+    original, last = line._reply, [0.0]
+
+    def reply(time, rate, replies):
+        late = rng.uniform(low, high) if rng.random() < share else 0.0
+        if in_order:
+            last[0] = max(last[0] + 20 * 10 / 19200, time + late)
+            late = last[0] - time
+        for module, _ in replies:
+            module.late_by = late
+        original(time, rate, replies)
+
+    line._reply = reply
+    failed = 0
+    for _ in range(60):
+        for k, module in enumerate(line.modules, 1):
+            try:
+                assert position(bus, k) == module.shaft
+            except NoReplyError:
+                failed += 1
+    assert failed <= (0 if high <= 0.1 else 180)
+
+
+def test_a_lost_reply_costs_one_question_more_and_no_pause_that_lasts(two):
+    bus, line = two
+    line.faults = Wire({2: 0x55})  # the address: nobody feels meant
+    begin = bus.port.now()
+    assert position(bus, 1) == 111
+    assert [position(bus, 2) for _ in range(5)] == [222] * 5
+    assert bus.port.now() - begin < 0.25
+    begin = bus.port.now()
+    assert position(bus, 1) == 111
+    assert bus.port.now() - begin == pytest.approx(11 * 10 / 19200 + 0.51e-3, abs=1e-9)
+
+
 def test_an_interrupted_exchange_does_not_leave_its_reply_to_the_next(two, monkeypatch):
     """Ctrl-C comes between a command and its reply, which arrives when the next module is asked."""
     bus, _ = two

@@ -338,6 +338,10 @@ def test_positions_that_never_agree_are_an_error(virtual):
             lambda m: m.__setitem__(1, SimulatedModule(version=5)),
             "PIC-SERVO version 5: goals that move on need version 10",
         ),
+        (
+            lambda m: m.__setitem__(1, SimulatedModule(version=21)),
+            "PIC-SERVO version 21: what its output modes mean is known of versions 10 to 20",
+        ),
     ],
 )
 def test_a_wrong_set_of_boards_is_explained(spoil, words):

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from nico_selfmodel.errors import ServoFault
+from nico_selfmodel.errors import BusError, ServoFault
 from nico_selfmodel.servos import ArmController
 from nico_selfmodel.servos.arm.servo_config import HomePlan
 from nico_selfmodel.servos.arm.zeroing import zero_here
@@ -115,6 +115,41 @@ def test_a_hard_stop_before_the_switch_is_a_fault_and_does_not_leave_the_search_
     assert made.port.time - begin < 1000.0 / (speed * COUNTS_PER_RADIAN) + 1.5
     assert made.modules[0].homing == 0
     assert made.arm.rezero_due == ("elbow",)
+
+
+def test_a_joint_that_does_not_come_to_rest_at_its_mark_is_a_fault_in_time():
+    made = homing_arm(HomePlan("limit_1", at=0.3, speed=0.2, travel=2.0))
+    board = made.modules[0]
+    board.mechanics.upper_switch = 1000.0
+    original, begin = board.status, made.port.time
+
+    def creep():
+        status = original()
+        swing = 0 if board.homing else round(3000.0 * made.port.time)
+        return replace(status, position=status.position + swing)
+
+    board.status = creep
+    with pytest.raises(ServoFault, match=r"it found limit_1, but does not come to rest within 2 s"):
+        find_home(made.arm, "elbow")
+    assert made.port.time - begin < 10.0
+    assert made.arm.rezero_due == ("elbow",)
+
+
+def test_a_fault_after_the_mark_is_told_and_sets_no_zero():
+    made = homing_arm(HomePlan("limit_1", at=0.3, speed=0.2, travel=2.0))
+    board = made.modules[0]
+    board.mechanics.upper_switch = 1000.0
+    capture = board._capture_home
+
+    def captured():
+        capture()
+        board.overload()
+
+    board._capture_home = captured
+    with pytest.raises((ServoFault, BusError), match="over-current"):
+        find_home(made.arm, "elbow")
+    assert made.arm.rezero_due == ("elbow",)
+    assert not board.servo_on
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])

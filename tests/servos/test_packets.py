@@ -280,7 +280,7 @@ def test_a_speed_that_the_chip_cannot_hold_is_refused(speed):
 def test_values_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match="cannot be sent"):
         encode_command(1, LoadTrajectory(SERVO | NOW, 2**31))
-    with pytest.raises(ValueError, match="error_limit must be 0 to 16383"):
+    with pytest.raises(ValueError, match="error_limit must be 1 to 16383"):
         Gains(error_limit=20_000).check()
     with pytest.raises(ValueError, match="address"):
         Frame(300, 1)

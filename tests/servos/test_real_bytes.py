@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import termios
 import time
 
 import numpy as np
@@ -223,6 +224,15 @@ def test_a_port_that_is_in_use_is_not_shared(bus):
     ):
         Bus.open(bus.name)
     Bus.open(bus.name).close()
+
+
+@pytest.mark.parametrize(("device", "locked"), [("/dev/ttyUSB0", True), ("/dev/pts/7", False)])
+def test_a_device_is_locked_against_programs_that_ask_for_no_lock(bus, monkeypatch, device, locked):
+    asked = []
+    monkeypatch.setattr("os.path.realpath", lambda name: device)
+    monkeypatch.setattr("fcntl.ioctl", lambda handle, request, *rest: asked.append(request))
+    SerialPort(bus.name).close()
+    assert (termios.TIOCEXCL in asked) == locked
 
 
 def test_a_closed_port_says_so(bus):

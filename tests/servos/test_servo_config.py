@@ -13,6 +13,7 @@ from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.servos import JointServo
 from nico_selfmodel.servos.arm.servo_config_file import load_servo_config
 from nico_selfmodel.servos.pic_servo.protocol.gains import Gains
+from nico_selfmodel.servos.pic_servo.protocol.trajectory import acceleration_step
 from nico_selfmodel.systems.looking import looking_body
 
 from .arms import COUNTS_PER_TURN, configuration
@@ -83,7 +84,17 @@ def test_a_configuration_is_read_in_degrees_and_kept_in_radians(tmp_path):
         ({"max_acceleration_deg_s2": 100}, ("'max_acceleration_deg_s2' must be at least 180",)),
         ({"max_velocity_deg_s": 1e7, "max_acceleration_deg_s2": 1e8}, ("cannot count that fast",)),
         ({"gains": {"kq": 5}}, ("gains", "'kq'")),
-        ({"gains": {"error_limit": 20000}}, ("error_limit must be 0 to 16383",)),
+        ({"gains": {"error_limit": 20000}}, ("error_limit must be 1 to 16383",)),
+        ({"gains": {"error_limit": 0}}, ("error_limit must be 1 to 16383, got 0",)),
+        ({"gains": {"output_limit": 0}}, ("output_limit must be 1 to 255, got 0",)),
+        (
+            {"counts_per_turn": 500, "max_velocity_deg_s": 2, "max_acceleration_deg_s2": 10},
+            ("'max_acceleration_deg_s2' must be at least 41.91", "rate_divisor"),
+        ),
+        (
+            {"counts_per_turn": 500, "max_velocity_deg_s": 20, "max_acceleration_deg_s2": 62},
+            ("it cannot stop in time", "must be at least 101.9"),
+        ),
         ({"gains": 7}, ("mapping of gains",)),
         ({"home": {"method": "magic"}}, ("home 'method'", "limit_1")),
         ({"home": {"method": "index", "speed_deg_s": 5}}, ("'travel_deg'",)),
@@ -186,3 +197,18 @@ def test_the_sample_of_a_whole_nico_drives_all_its_joints_within_their_limits(pr
     for joint, lower, upper in zip(config.joints, body.lower, body.upper, strict=True):
         assert joint.lower == pytest.approx(lower, abs=half_a_degree)
         assert joint.upper == pytest.approx(upper, abs=half_a_degree)
+
+
+@pytest.mark.parametrize(("divisor", "counts"), [(1, 58.21), (2, 5 * 14.552), (8, 91 * 0.9095)])
+def test_a_board_accelerates_by_steps_that_a_coarse_encoder_shows(divisor, counts):
+    joint = configuration(("elbow",)).joints[0]
+    joint = replace(
+        joint,
+        counts_per_turn=500,
+        gains=Gains(rate_divisor=divisor),
+        max_velocity=math.radians(10),
+        max_acceleration=math.radians(60),
+    )
+    asked = joint.max_acceleration * joint.counts_per_radian
+    assert joint.largest_acceleration == pytest.approx(counts, rel=1e-3)
+    assert asked - acceleration_step(divisor) < joint.largest_acceleration <= asked

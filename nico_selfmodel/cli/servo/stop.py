@@ -21,10 +21,12 @@ def stop(
 ) -> None:
     """Stop every joint; the joints that were on go on holding."""
     from nico_selfmodel.errors import RobotError
+    from nico_selfmodel.servos.arm.shutdown import stop_unseen
 
     if release:
         ask("Switch the motors off? What gravity pulls falls.", yes=yes)
     with opened(port, config) as arm:
+        stop_unseen(arm.bus, arm.axes, release=release)
         try:
             arm.connect()
         except RobotError as error:
@@ -32,9 +34,21 @@ def stop(
         arm.stop()
         if release:
             arm.release()
+        _require_standstill(arm)
         state = arm.cycle()
     held = [name for name, on in zip(state.joints, state.enabled, strict=True) if on]
     printer.line(f"stopped; holding: {', '.join(held) or 'none'}")
+
+
+def _require_standstill(arm: "ArmController") -> None:
+    from nico_selfmodel.errors import ServoFault
+    from nico_selfmodel.servos.arm.shutdown import still_moving
+
+    if going := still_moving(arm.bus, arm.axes):
+        raise ServoFault(
+            f"told to stop, but still moving: {', '.join(going)}. A joint that is off may fall or "
+            "be pushed; else use the emergency stop"
+        )
 
 
 def _stop_the_rest(arm: "ArmController", release: bool) -> str:
@@ -43,4 +57,6 @@ def _stop_the_rest(arm: "ArmController", release: bool) -> str:
 
     done, _ = stop_what_answers(arm.axes, release=release)
     what = "switched off" if release else "stopped"
-    return f"{what.capitalize()} all the same: {', '.join(done)}" if done else f"None was {what}"
+    if not done:
+        return f"None confirmed that it was {what}: all were told, use the emergency stop"
+    return f"{what.capitalize()} all the same: {', '.join(done)}"

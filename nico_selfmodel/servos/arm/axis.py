@@ -40,6 +40,8 @@ class Axis:
         self.zero_known = False
         self.lost: str | None = None
         """Why the board cannot be reached any more."""
+        self.drifts = False
+        """Whether it moved between the last two readings though its servo is off."""
         self.goals = Goals(joint, heartbeat)
         """Where the joint is to go, and what its board was told of it."""
         self._jams = JamWatch(joint.counts_per_radian)
@@ -190,6 +192,8 @@ class Axis:
         else:
             raise BusError(f"{self}: its positions contradict each other: check the wiring")
         now = self._now()
+        went = 0 if self.last is None else abs(reading.position - self.last.position)
+        self.drifts = not self.enabled and went > self.joint.still
         pause, self.last, self.seen = now - self.seen, reading, now
         self.goals.note(now, reading.commanded, reading.position, standing=reading.standing)
         if not self.on_its_way:
@@ -263,7 +267,7 @@ def state_of(
         readings=readings,
         age=np.array([now - axis.seen for axis in axes]),
         valid=np.array([reason is None for reason in trouble]),
-        moving=np.array([axis.on_its_way for axis in axes]),
+        moving=np.array([axis.on_its_way or axis.drifts for axis in axes]),
         enabled=np.array([axis.enabled for axis in axes]),
         zero_known=zero_known,
         trouble=trouble,

@@ -15,7 +15,12 @@ from nico_selfmodel.servos.arm.motor import JointBus
 from nico_selfmodel.servos.arm.pose_limits import PoseLimits
 from nico_selfmodel.servos.arm.readiness import require_ready, require_zero
 from nico_selfmodel.servos.arm.servo_config import ServoConfig
-from nico_selfmodel.servos.arm.shutdown import release_each, stop_each
+from nico_selfmodel.servos.arm.shutdown import (
+    release_at_once,
+    release_each,
+    stop_each,
+    without_faults,
+)
 from nico_selfmodel.servos.arm.take_over import switch_on, take_over
 from nico_selfmodel.servos.arm_state import ArmState
 from nico_selfmodel.servos.bus_settings import BusSettings
@@ -133,8 +138,8 @@ class ArmController(ClosedAtEnd):
     def connect(self) -> tuple[str, ...]:
         """Find the motors and read them all. Moves and resets nothing.
 
-        A motor whose servo is on (an earlier program left it holding) stays on; one that still
-        moves is stopped smoothly.
+        A motor whose servo is on (an earlier program left it holding) stays on, with the gains of
+        the configuration; one that still moves is stopped before anything else.
 
         Returns:
             `rezero_due`: the joints whose zero is not known.
@@ -144,6 +149,8 @@ class ArmController(ClosedAtEnd):
         """
         self._connected = False
         self.bus.find()
+        for axis in self.axes:  # all brake before the first is waited for
+            axis.motor.halt()
         for axis in self.axes:
             take_over(axis)
         self._connected = True
@@ -299,11 +306,11 @@ class ArmController(ClosedAtEnd):
             except RobotError as error:
                 axis.lost = str(error)
                 axis.forget_goal()
-                if isinstance(error, ServoFault):
+                kind = ServoFault if isinstance(error, ServoFault) else BusError
+                if kind is ServoFault:
                     # Until somebody enables it again; stopping the group would switch it on.
                     release_each([axis])
-                others = self._stop_others(axis)
-                kind = ServoFault if isinstance(error, ServoFault) else BusError
+                others = self._stop_others(axis, look=kind is ServoFault)
                 what = str(error) if str(axis) in str(error) else f"{axis} is lost: {error}"
                 raise kind(f"{what}. {others}", partial=self.state()) from error
 
@@ -321,13 +328,19 @@ class ArmController(ClosedAtEnd):
             f"{self.config.heartbeat:g} s"
         )
 
-    def _stop_others(self, failed: Axis) -> str:
-        """Stop every axis but one; return what came of it."""
+    def _stop_others(self, failed: Axis, *, look: bool) -> str:
+        """Stop every axis but one, after a look at each; return what came of it."""
         others = [axis for axis in self.axes if axis is not failed and axis.enabled]
-        failures = stop_each(self.bus, others)
+        failures = stop_each(self.bus, without_faults(others) if look else others)
+        off = [axis.joint.name for axis in others if not axis.enabled]
+        words = [f"Switched off too, by faults of their own: {', '.join(off)}"] if off else []
+        faults = [axis.lost for axis in others if not axis.enabled]
+        failures = [failure for failure in failures if failure not in faults]
         if failures:
-            return f"Not stopped either: {'; '.join(failures)}"
-        return "The other joints were stopped and hold" if others else "No other joint is enabled"
+            words.append(f"Not stopped either: {'; '.join(failures)}")
+        elif len(off) < len(others):
+            words.append("The other joints were stopped and hold")
+        return ". ".join(words or ["No other joint is enabled"])
 
     def stop(self, *, smoothly: bool = True) -> None:
         """Stop every joint that is enabled and hold; the arm does not fall.
@@ -351,7 +364,7 @@ class ArmController(ClosedAtEnd):
             BusError: If a motor did not confirm; all others were told nevertheless.
         """
         self._require_connection()
-        failures = release_each(self._chosen(joints))
+        failures = release_at_once(self.bus, self._chosen(joints))
         if failures:
             raise BusError(f"not every joint confirmed the release: {'; '.join(failures)}")
 

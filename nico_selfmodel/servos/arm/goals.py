@@ -43,7 +43,7 @@ class Goals:
         """Where the motion is to end."""
         self.velocity = joint.max_velocity * joint.counts_per_radian
         """Of the motion under way [counts/s]."""
-        self.acceleration = joint.max_acceleration * joint.counts_per_radian
+        self.acceleration = joint.largest_acceleration
         """[counts/s^2]."""
         self.sent: int | None = None
         """The goal that the board has."""

@@ -5,6 +5,7 @@ every make. Positions are the motor's own numbers (registers), speeds are counts
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
@@ -47,8 +48,14 @@ class Motor(Protocol):
         """Whether a reading counts only if a second one agrees: a bad line, a weak checksum."""
         ...
 
+    def halt(self) -> None:
+        """Begin to stop it where an earlier program left it moving; waits for nothing."""
+        ...
+
     def take_over(self) -> bool:
-        """Stop it smoothly where an earlier program left it moving; switch nothing on or off.
+        """Stop it where an earlier program left it moving, and set it up where it holds.
+
+        It is switched on by nothing, and off only where it is driven without its servo.
 
         Returns:
             Whether it holds its joint, without a fault.
@@ -146,7 +153,18 @@ class JointBus(Protocol):
         ...
 
     def stop_all(self, motors: Sequence[Motor], *, smoothly: bool) -> None:
-        """Stop motors at once and have them hold; nobody confirms."""
+        """Stop motors at once and have them hold; nobody confirms.
+
+        Where the make allows it without waiting for what arrives: the line may be noisy or dead.
+        """
+        ...
+
+    def release_all(self, motors: Sequence[Motor]) -> None:
+        """Switch motors off at once, without waiting for what arrives; nobody confirms."""
+        ...
+
+    def hurried(self) -> AbstractContextManager[None]:
+        """Ask every motor but once within a `with` block, as somebody waits for a stop."""
         ...
 
     def close(self) -> None:

@@ -29,7 +29,7 @@ class PoseLimits:
         """Largest joint accelerations [rad/s^2]. Shape (n,)."""
         self.counts_per_radian = np.array([joint.counts_per_radian for joint in joints]) * gear
         """Counts of a radian of each joint. Shape (n,)."""
-        self._steps = np.array([(j.make.velocity_step, j.make.acceleration_step) for j in joints]).T
+        self._steps = np.array([(j.make.velocity_step, j.acceleration_step) for j in joints]).T
 
     def registers(self, q: NDArray, joints: Sequence[int]) -> list[int]:
         """Return the boards' counts at joint displacements.

@@ -11,10 +11,16 @@ from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.servos.makes import PIC_SERVO, Make
 from nico_selfmodel.servos.pic_servo.protocol.commands import OutputMode
 from nico_selfmodel.servos.pic_servo.protocol.gains import Gains
-from nico_selfmodel.servos.pic_servo.protocol.trajectory import acceleration_units, velocity_units
+from nico_selfmodel.servos.pic_servo.protocol.trajectory import (
+    acceleration_step,
+    acceleration_units,
+    velocity_units,
+)
 
 LONGEST_STOP = 0.5
 """Bound on the time from the end of the heartbeat to standstill [s]."""
+_COARSE = 0.01
+"""Share of the largest acceleration above which a board's unit of it counts."""
 HOME_METHODS = ("here", "limit_1", "limit_2", "index")
 OUTPUTS = {"one_pwm": 0, "three_phase": int(OutputMode.THREE_PHASE)}
 
@@ -120,14 +126,15 @@ class JointServo:
                 f"'max_velocity_deg_s' must be at least {least} a second, got "
                 f"{math.degrees(self.max_velocity):g}"
             )
-        if self.max_acceleration * self.counts_per_radian < self.make.acceleration_step:
+        step = self.acceleration_step / self.counts_per_radian
+        if self.max_acceleration < step:
+            finer = "" if self.make is not PIC_SERVO else "; a larger 'rate_divisor' makes it finer"
             raise ValueError(
-                f"'max_acceleration_deg_s2' must be at least {self.make.acceleration_step:g} "
-                f"counts/s^2, got {math.degrees(self.max_acceleration):g}"
+                f"'max_acceleration_deg_s2' must be at least {math.degrees(step):.4g} "
+                f"({self.acceleration_step:.4g} counts/s^2, the step of the motor{finer}), got "
+                f"{math.degrees(self.max_acceleration):g}"
             )
-        step = self.make.acceleration_step / self.counts_per_radian
-        acceleration = self.max_acceleration
-        acceleration = step * math.floor(acceleration / step + 1e-9) if step else acceleration
+        acceleration = self.largest_acceleration / self.counts_per_radian
         if 1.5 * self.max_velocity / acceleration > LONGEST_STOP + 1e-9:
             raise ValueError(
                 f"from 'max_velocity_deg_s' {math.degrees(self.max_velocity):g} it cannot stop in "
@@ -190,6 +197,21 @@ class JointServo:
     def counts_per_radian(self) -> float:
         """Counts of a radian of the encoder's angle."""
         return self.counts_per_turn / (2.0 * math.pi)
+
+    @property
+    def acceleration_step(self) -> float:
+        """What accelerations are multiples of [counts/s^2]; 0 where they are as good as any."""
+        if self.make is not PIC_SERVO:
+            return self.make.acceleration_step
+        step = acceleration_step(self.gains.rate_divisor)
+        limit = self.max_acceleration * self.counts_per_radian
+        return step if step > _COARSE * limit else 0.0
+
+    @property
+    def largest_acceleration(self) -> float:
+        """The limit, rounded down to what the motor has [counts/s^2]."""
+        limit, step = self.max_acceleration * self.counts_per_radian, self.acceleration_step
+        return step * math.floor(limit / step + 1e-9) if step else limit
 
     @property
     def output_mode(self) -> int:

@@ -4,9 +4,9 @@ from nico_selfmodel.servos.arm.axis import Axis
 
 
 def take_over(axis: Axis) -> None:
-    """Look at a motor, and stop it where it is still moving.
+    """Look at a motor, stop it where it is still moving, and set it up where it holds.
 
-    It is not switched on or off.
+    It is not switched on; one that is driven without its servo is switched off.
 
     Raises:
         BusError: If it does not answer.

@@ -64,7 +64,7 @@ def _look_for_mark(
     axis.aim(
         axis.position + axis.joint.register(way),
         abs(home.speed) * scale,
-        axis.joint.max_acceleration * scale,
+        axis.joint.largest_acceleration,
     )
     until = arm.now() + home.travel / abs(home.speed) + _EXTRA_TIME
     while _searching(axis):
@@ -99,19 +99,31 @@ def _searching(axis: Axis) -> bool:
 
 
 def _take_capture(arm: ArmController, axis: Axis) -> None:
-    """Wait until the joint stands, then count its position from the captured one."""
-    status = _board(axis).read(StatusItem.POSITION | StatusItem.HOME)
-    while not _board(axis).poll().flags & StatusFlag.MOVE_DONE or _differs(axis, status.position):
+    """Wait until the joint stands, then count its position from the captured one.
+
+    Raises:
+        ServoFault: If it does not come to rest, or reports a fault.
+        BusError: If it does not answer.
+    """
+    until = arm.now() + _EXTRA_TIME
+    status, moved = _board(axis).read(StatusItem.POSITION | StatusItem.HOME), True
+    while moved or not (axis.last and axis.last.standing):
+        if arm.now() > until:
+            _give_up(arm, axis)
+            raise ServoFault(
+                f"{axis}: it found {axis.joint.home.method}, but does not come to rest within "
+                f"{_EXTRA_TIME:g} s, so that its zero is not known: does it slip or swing? Hold "
+                "it, then home it again"
+            )
+        before = status.position
+        axis.accept(axis.motor.poll())
         status = _board(axis).read(StatusItem.POSITION | StatusItem.HOME)
+        moved = status.position != before
     assert status.position is not None
     assert status.home is not None
     home = axis.joint.register(axis.joint.home.at * axis.joint.counts_per_radian)
     set_zero(axis, home + status.position - status.home)
     arm.heartbeat()
-
-
-def _differs(axis: Axis, position: int | None) -> bool:
-    return position is None or _board(axis).read(StatusItem.POSITION).position != position
 
 
 def _board(axis: Axis) -> PicServo:

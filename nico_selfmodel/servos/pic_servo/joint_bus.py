@@ -1,10 +1,11 @@
 """The PIC-SERVO boards of an arm, as the arm's controller sees them."""
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
 
 from nico_selfmodel.servos.arm.motor import Motor, Reading
-from nico_selfmodel.servos.arm.servo_config import JointServo, ServoConfig
+from nico_selfmodel.servos.arm.servo_config import LONGEST_STOP, JointServo, ServoConfig
 from nico_selfmodel.servos.bus_settings import BusSettings
 from nico_selfmodel.servos.found_motor import FoundMotor, Scan
 from nico_selfmodel.servos.link_counts import LinkCounts
@@ -15,10 +16,12 @@ from nico_selfmodel.servos.pic_servo.line.bus import Bus
 from nico_selfmodel.servos.pic_servo.line.chain import (
     group_of,
     join_group,
+    release_together,
     scan,
     start_together,
     stop_together,
 )
+from nico_selfmodel.servos.pic_servo.protocol.commands import StopMode, StopMotor
 from nico_selfmodel.servos.pic_servo.protocol.packets import EVERYONE
 from nico_selfmodel.servos.pic_servo.protocol.status import (
     AuxiliaryFlag,
@@ -46,6 +49,8 @@ class PicServoMotor:
         self.joint, self.board, self.group = joint, board, group
         self.loaded = False
         """Whether it has a motion that was not started."""
+        self.member = False
+        """Whether it is known to obey the packets to the group."""
         self.flags = StatusFlag(0)
         """Of its last reply."""
 
@@ -59,20 +64,50 @@ class PicServoMotor:
         """How well the wire to it works."""
         return self.board.bus.counts[self.board.address]
 
-    def take_over(self) -> bool:
-        """Stop it where it moves or looks for its home; return whether it holds without a fault."""
-        status, holds = self.board.watch(), False
-        if status.auxiliary is not None and status.auxiliary & AuxiliaryFlag.SERVO_ON:
-            self.board.rate_divisor = self.joint.gains.rate_divisor
-            self.board.stop_smoothly()
-            # A joint with a fault has to be enabled anew, and for that to be connected first.
-            holds = self._fault(status) is None
+    def halt(self) -> None:
+        """Begin to brake with the acceleration of the configuration, or let go of a raw PWM.
+
+        The board's own acceleration is whatever an earlier program left, so that a smooth stop
+        might take minutes.
+        """
+        status = self.board.watch()
         if status.flags & StatusFlag.HOMING:
             # Who armed it is gone: at its mark it would brake, and lose what says that it is homed.
             self.board.capture_home(0)
+        if not _servo_on(status) or not status.flags & StatusFlag.POWER_ON:
+            # No status tells a board whose PWM drives the motor from one that is off.
+            self.release()
+            return
+        joint = self.joint
+        self.board.rate_divisor = joint.gains.rate_divisor
+        self.board.brake(joint.largest_acceleration)
+
+    def take_over(self) -> bool:
+        """Stop it, and set it up as the configuration says where it holds.
+
+        Returns:
+            Whether it holds without a fault.
+        """
+        self.halt()
+        status = self._wait_for_standstill()
+        # A joint with a fault has to be enabled anew, and for that to be connected first.
+        holds = _servo_on(status) and self._fault(status) is None
+        if holds:
+            # What the earlier program set is not known, nor are speeds whose divisor is another.
+            self.board.set_output(self.joint.output_mode)
+            self.board.set_gains(self.joint.gains)
         # One that an earlier program left in the group would start or hold with the others.
-        join_group(self.board, self.group if holds else EVERYONE)
+        self._join(member=holds)
         return holds
+
+    def _wait_for_standstill(self) -> Status:
+        """Return the state of a board that was told to brake, once it stands."""
+        port, status = self.board.bus.port, self.board.poll()
+        until = port.now() + LONGEST_STOP
+        while _servo_on(status) and not _stands(status):
+            # With the divisor of another configuration it brakes too slowly.
+            status = self.board.poll() if port.now() < until else self.board.hold()
+        return status
 
     def switch_on(self) -> None:
         """Switch the servo on where the joint stands, and let it obey the packets to its group."""
@@ -81,7 +116,7 @@ class PicServoMotor:
         self.board.arm_amplifier()
         self.board.hold()
         self.board.clear_faults()
-        join_group(self.board, self.group)
+        self._join(member=True)
 
     def poll(self) -> Reading:
         """Return what the board says now."""
@@ -116,7 +151,12 @@ class PicServoMotor:
     def release(self) -> None:
         """Switch motor and amplifier off, and leave the group."""
         self.board.release()
-        join_group(self.board, EVERYONE)
+        self._join(member=False)
+
+    def _join(self, *, member: bool) -> None:
+        self.member = False
+        join_group(self.board, self.group if member else EVERYONE)
+        self.member = member
 
     def knows_its_zero(self) -> bool:
         """Return whether the zero was set since the board was powered up."""
@@ -155,6 +195,16 @@ class PicServoMotor:
         if not (status.auxiliary is None or status.auxiliary & AuxiliaryFlag.SERVO_ON):
             return "its servo is off though nobody switched it off; enable it again"
         return None
+
+
+def _servo_on(status: Status) -> bool:
+    return bool((status.auxiliary or 0) & AuxiliaryFlag.SERVO_ON)
+
+
+def _stands(status: Status) -> bool:
+    """Return whether a board that was told to brake has done so: a path counts as never done."""
+    going = (status.auxiliary or 0) & AuxiliaryFlag.PATH_MODE
+    return bool(status.flags & StatusFlag.MOVE_DONE) and not going
 
 
 class PicServoJointBus:
@@ -237,6 +287,18 @@ class PicServoJointBus:
         for motor in self.motors:
             motor.loaded = False
         stop_together(self.bus, self.group, smoothly=smoothly)
+
+    def release_all(self, motors: Sequence[Motor]) -> None:
+        """Switch boards off at once; nobody confirms."""
+        if all(motor in motors for motor in self.motors):
+            release_together(self.bus, self.group)
+        for motor in self.motors:
+            if motor in motors and not (motor.member and len(motors) == len(self.motors)):
+                self.bus.send_at_once(motor.board.address, StopMotor(StopMode.MOTOR_OFF))
+
+    def hurried(self) -> AbstractContextManager[None]:
+        """Ask every board but once, while somebody waits for a stop."""
+        return self.bus.hurried()
 
     def close(self) -> None:
         """Give the port back; never fails."""

@@ -1,13 +1,13 @@
 """The servos of an arm on their bus: all read with one packet, all told with one."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from typing import Self
 
 from nico_selfmodel.errors import BusError, ServoFault
 from nico_selfmodel.servos.arm.motor import Motor
 from nico_selfmodel.servos.arm.servo_config import JointServo, ServoConfig
-from nico_selfmodel.servos.bus_settings import BusSettings, NoReplyError
+from nico_selfmodel.servos.bus_settings import BusSettings, NoisyLineError, NoReplyError
 from nico_selfmodel.servos.found_motor import FoundMotor, Scan
 from nico_selfmodel.servos.makes import Make
 from nico_selfmodel.servos.ports import SerialPort
@@ -171,25 +171,36 @@ class RegisterJointBus:
         else:
             self._send(waiting)
 
-    def _send(self, motors: Sequence[RegisterMotor]) -> None:
+    def _send(self, motors: Sequence[RegisterMotor], *, at_once: bool = False) -> None:
         goals = {motor.address: motor.encode(motor.told) for motor in motors if motor.told}
         if not goals:
             return
-        self.bus.sync_write(self.motor_type.goal_register, goals)
+        write = self.bus.sync_write_at_once if at_once else self.bus.sync_write
+        write(self.motor_type.goal_register, goals)
         for motor in motors:
             motor.was_written()
 
     def stop_all(self, motors: Sequence[Motor], *, smoothly: bool) -> None:
-        """Stop servos with one packet; nobody confirms."""
+        """Stop servos with one packet; nobody confirms. One that has a fault is not told."""
         for motor in self.motors:
             motor.waiting = False
         mine = [motor for motor in self.motors if motor in motors]
-        self._read(mine)
-        for motor in mine:
-            if motor.fresh is not None:
-                motor.look()
+        with suppress(NoisyLineError):
+            self._read(mine)
+        sound = [motor for motor in mine if motor.fresh is None or motor.look().fault is None]
+        for motor in sound:
             motor.tell_to_stop(smoothly=smoothly)
-        self._send(mine)
+        self._send(sound, at_once=True)
+
+    def release_all(self, motors: Sequence[Motor]) -> None:
+        """Switch servos off with one packet; nobody confirms."""
+        off = {motor.address: b"\x00" for motor in self.motors if motor in motors}
+        if off:
+            self.bus.sync_write_at_once(self.motor_type.torque_register, off)
+
+    def hurried(self) -> AbstractContextManager[None]:
+        """Ask every servo but once, while somebody waits for a stop."""
+        return self.bus.hurried()
 
     def close(self) -> None:
         """Give the port back; never fails."""

@@ -78,6 +78,11 @@ class RegisterBus(PortOwner):
         with self._lock:
             if self._doubtful:
                 self._drain()
+            self.sync_write_at_once(register, data)
+
+    def sync_write_at_once(self, register: int, data: dict[int, bytes]) -> None:
+        """Do the same without waiting for a quiet line, as a stop must not."""
+        with self._lock:
             self.sdk.sync_write(self._sdk_port, register, data)
             self.heard = self.port.now()
             # What follows must not be sent into it.

@@ -237,25 +237,41 @@ class RegisterMotor(ABC):
         """Note that what it was told has been sent."""
         self.waiting = False
 
-    def take_over(self) -> bool:
-        """Stop it smoothly where an earlier program left it moving.
+    def halt(self) -> None:
+        """Begin to stop it where an earlier program left it moving.
 
-        Returns:
-            Whether it holds its joint, without a fault.
+        By the speed and the acceleration of the configuration: those of its registers are whatever
+        was left there, so that a stop might take many seconds.
         """
         self.told, self.waiting, self.fresh = None, False, None
         self.forget_profile()
         holds = bool(self.bus.read(self.address, self.torque_register, 1).data[0])
         state = self.look()
         if not holds or state.fault is not None:
-            return False
+            return
         self.told = state.goal
         self.watch_over(on=True)
         if not (state.standing and abs(state.commanded - state.goal.position) <= 1):
             # One that stopped by itself must not go on to where it was sent.
-            self.tell_to_stop(smoothly=True)
+            joint = self.joint
+            acceleration = joint.largest_acceleration
+            self.tell_to_stop(smoothly=True, acceleration=acceleration)
+            assert self.told is not None
+            self.tell(
+                self.told.position, joint.max_velocity * joint.counts_per_radian, acceleration
+            )
             self.write_goal()
-            self.stop(smoothly=True)
+
+    def take_over(self) -> bool:
+        """Stop it where an earlier program left it moving.
+
+        Returns:
+            Whether it holds its joint, without a fault.
+        """
+        self.halt()
+        if self.told is None:
+            return False
+        self.stop(smoothly=True)
         return True
 
     def switch_on(self) -> None:
@@ -271,7 +287,7 @@ class RegisterMotor(ABC):
         joint = self.joint
         velocity = joint.max_velocity * joint.counts_per_radian
         # Before the torque, lest it go where it was sent last.
-        self.tell(state.position, velocity, joint.max_acceleration * joint.counts_per_radian)
+        self.tell(state.position, velocity, joint.largest_acceleration)
         self.write_goal()
         self.bus.write(self.address, self.torque_register, b"\x01")
         self.tell(self.look().position, None, None)

@@ -26,6 +26,8 @@ from nico_selfmodel.servos.pic_servo.protocol.trajectory import (
 
 FIRST_SC_VERSION = 10
 """From here on goals may change on the fly and positions may be set."""
+LAST_SC_VERSION = 20
+"""Up to here it is known what the bits of I/O Control mean."""
 SERVO_TYPE = 0
 ZERO_MARK = 0x4E49434F
 """Home register of a board whose zero is known: lost with power, exactly as the zero is."""

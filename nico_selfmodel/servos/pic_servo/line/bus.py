@@ -1,5 +1,7 @@
 """The one owner of the port: a command out, the reply of that module in, whatever the line does."""
 
+import math
+
 from nico_selfmodel.errors import BusError
 from nico_selfmodel.servos.bus_settings import BusSettings, NoReplyError
 from nico_selfmodel.servos.link_counts import LinkCounts
@@ -9,8 +11,13 @@ from nico_selfmodel.servos.pic_servo.protocol.commands import (
     Command,
     ReadStatus,
     SetBaud,
+    StopMotor,
 )
-from nico_selfmodel.servos.pic_servo.protocol.packets import EVERYONE, DamagedPacketError
+from nico_selfmodel.servos.pic_servo.protocol.packets import (
+    EVERYONE,
+    FIRST_GROUP,
+    DamagedPacketError,
+)
 from nico_selfmodel.servos.pic_servo.protocol.status import (
     Status,
     StatusFlag,
@@ -20,14 +27,36 @@ from nico_selfmodel.servos.pic_servo.protocol.status import (
 )
 from nico_selfmodel.servos.pic_servo.protocol.trajectory import TICK
 from nico_selfmodel.servos.port_owner import PortOwner
-from nico_selfmodel.servos.ports import SerialPort
+from nico_selfmodel.servos.ports import Port, SerialPort
 
 FLUSH = bytes(30)
 """Longer than the rest of any packet: ends a half-heard one with a wrong checksum."""
+_LONGEST_REPLY = 20
+"""Bytes, and one more."""
+_QUESTIONS = (
+    StatusItem.CURRENT | StatusItem.VELOCITY,
+    StatusItem.POSITION | StatusItem.CURRENT,
+    StatusItem.POSITION | StatusItem.VELOCITY,
+    StatusItem.CURRENT,
+)
+"""Items whose replies have lengths that no other reply here has."""
+_SILENCE = "no reply"
+_STRAGGLING = 0.1
+"""How late a reply may be that a later one has passed [s]."""
+_DOUBLED = 2
+"""So many bytes behind a reply are no other: damage may double one."""
+_LATEST = 0.25
+"""Longest delay of replies that every exchange waits for [s]."""
+_FORGETTING = 0.7
+"""What is left of a delay that was seen after each exchange that needed none of it."""
 
 
 class UncertainError(BusError):
     """The reply to a command that must not be repeated was lost: it may have been carried out."""
+
+
+class _ShortReplyError(DamagedPacketError):
+    """A reply came with too few bytes, or none."""
 
 
 class Bus(PortOwner):
@@ -36,6 +65,22 @@ class Bus(PortOwner):
     Raises:
         PortLostError: From its methods, if the port is gone.
     """
+
+    def __init__(self, port: Port, settings: BusSettings | None = None) -> None:
+        """Take a port over; sends nothing.
+
+        Args:
+            port: An open port that nobody else reads or writes.
+        """
+        super().__init__(port, settings)
+        self._owed = 0
+        """How many replies were given up of which no byte has come yet."""
+        self._owed_since = self._asked_at = 0.0
+        """When the first of those commands was sent, and the last command of all [s]."""
+        self._late = 0.0
+        """How late replies came lately [s]."""
+        self._lengths = (0, 0)
+        """Of the last replies by which it was seen that none is owed."""
 
     @classmethod
     def open(cls, name: str, rate: int = 19200, settings: BusSettings | None = None) -> "Bus":
@@ -84,6 +129,10 @@ class Bus(PortOwner):
         packet = encode_command(address, command)
         again = may_repeat(command) if repeatable is None else repeatable
         with self._lock:
+            if (self._doubtful or self._owed) and isinstance(command, StopMotor):
+                self.send_at_once(address, command)  # the line may take its time to become quiet
+            if self._owed:
+                self._catch_up(address, items, attempts or self.settings.attempts)
             return self._persist(packet, items, again, attempts or self.settings.attempts, address)
 
     def _persist(
@@ -113,6 +162,7 @@ class Bus(PortOwner):
             # be taken for it.
             if attempt and (stray := self._drain()):
                 counts.stray_bytes += stray
+                self._account(stray)
                 failure, self._doubtful = DamagedPacketError("its replies come late"), True
                 if again:
                     continue
@@ -121,18 +171,80 @@ class Bus(PortOwner):
         counts.failures += 1
         raise NoReplyError(f"module {address} does not answer ({failure})") from failure
 
+    def _catch_up(self, address: int, items: int, attempts: int) -> None:
+        """Wait until no reply is under way that was given up: it would be taken for the next one.
+
+        Raises:
+            NoReplyError: If the module does not answer.
+        """
+        counts, since, crossed = self.counts[address], self._owed_since, False
+        for attempt in range(attempts):
+            if self._doubtful:
+                stray = self.resynchronise()
+                counts.stray_bytes += stray
+                if crossed and stray > _DOUBLED:  # another reply came in place of the one behind it
+                    self._note_lateness(since)
+            if not self._owed:
+                return
+            try:
+                stray = self._ask_otherwise(address, items, attempt)
+            except DamagedPacketError as error:
+                crossed = not isinstance(error, _ShortReplyError)
+                continue
+            if not stray:
+                self._owed = 0
+                return
+            counts.stray_bytes += stray
+            self._doubtful = True
+            if stray > _DOUBLED:
+                self._note_lateness(since)
+        counts.failures += 1
+        raise NoReplyError(f"module {address} does not answer ({_SILENCE})")
+
+    def _ask_otherwise(self, address: int, items: int, attempt: int) -> int:
+        """Ask a module for something whose reply is as long as none that may be under way.
+
+        When that comes, what was asked for before has been answered.
+
+        Returns:
+            Number of bytes that came behind it.
+
+        Raises:
+            DamagedPacketError: If something else came, or nothing.
+        """
+        lengths = (reply_length(items), *self._lengths)
+        question = next(one for one in _QUESTIONS if reply_length(one) not in lengths)
+        self._lengths = (*self._lengths[1:], reply_length(question))
+        packet = encode_command(address, ReadStatus(question))
+        # Motors answer in turn, and so do adapters; still, one that is late may have been passed.
+        until = self._asked_at + max(_STRAGGLING, 1.5 * self._late)
+        self._attempt(packet, question, attempt, LinkCounts())
+        return self._drain(until - self.port.now())
+
+    def _note_lateness(self, since: float) -> None:
+        """Be as patient from now on as a reply was late to a command sent at a time [s]."""
+        self._late = min(_LATEST, max(self._late, self.port.now() - since))
+
+    def _account(self, stray: int) -> None:
+        """Note that bytes came that may be replies which were given up."""
+        self._owed = max(0, self._owed - math.ceil(stray / _LONGEST_REPLY))
+
     def _attempt(self, packet: bytes, items: int, attempt: int, counts: LinkCounts) -> Status:
         """Send once and read exactly the reply."""
         counts.stray_bytes += len(self.port.read(4096, 0.0))
-        length = reply_length(items)
+        length, self._asked_at = reply_length(items), self.port.now()
         # Until the reply is here: who interrupts this must not leave it to the next who asks.
         self._doubtful = True
+        self._owed_since = self._owed_since if self._owed else self._asked_at
+        self._owed += 1
         self.port.write(packet)
-        reply = self.port.read(length, self._patience(len(packet) + length, attempt))
+        patience = self._patience(len(packet) + length, attempt)
+        reply = self.port.read(length, patience + self._late)
+        self._owed -= bool(reply)
         if len(reply) < length:
             counts.timeouts += 1
-            what = f"{len(reply)} of {length} bytes" if reply else "no reply"
-            raise DamagedPacketError(what)
+            what = f"{len(reply)} of {length} bytes" if reply else _SILENCE
+            raise _ShortReplyError(what)
         try:
             status = decode_status(items, reply)
         except DamagedPacketError:
@@ -147,6 +259,8 @@ class Bus(PortOwner):
             counts.stray_bytes += len(extra)
             raise DamagedPacketError(f"{len(extra)} bytes too many")
         self._doubtful = False
+        if self.port.now() - self._asked_at <= patience:
+            self._late *= _FORGETTING
         return status
 
     def _patience(self, bytes_under_way: int, attempt: int) -> float:
@@ -165,11 +279,30 @@ class Bus(PortOwner):
         with self._lock:
             if self._doubtful:
                 self.counts[address].stray_bytes += self.resynchronise()
+            self._let_go(encode_command(address, command))
+
+    def send_at_once(self, address: int, command: Command) -> None:
+        """Send a command without a look at what arrives: a stop must not wait for a quiet line.
+
+        What a module replies is thrown away before the next exchange.
+
+        Args:
+            address: Of the group, or of a module.
+            command: What to do, the same twice as once.
+        """
+        with self._lock:
             packet = encode_command(address, command)
-            self.port.write(packet)
-            # Written is not sent: a reply can only follow when the bytes have left.
-            self.port.read(0, 0.0)
-            self.wait(len(packet) * 10 / self.port.rate + 2 * TICK)
+            self._let_go(FLUSH + packet if self._doubtful else packet)
+            if address < FIRST_GROUP:
+                self._doubtful = True
+                self.wait(_LONGEST_REPLY * 10 / self.port.rate)
+
+    def _let_go(self, data: bytes) -> None:
+        """Write what nobody answers, and wait until it has left and is carried out."""
+        self.port.write(data)
+        # Written is not sent: a reply can only follow when the bytes have left.
+        self.port.read(0, 0.0)
+        self.wait(len(data) * 10 / self.port.rate + 2 * TICK)
 
     def resynchronise(self) -> int:
         """End what modules may have half heard, and wait until nothing arrives any more.
@@ -178,20 +311,25 @@ class Bus(PortOwner):
             Number of bytes that arrived unasked.
 
         Raises:
-            BusError: If the line never becomes quiet.
+            NoisyLineError: If the line never becomes quiet.
         """
         with self._lock:
             self.port.write(FLUSH)
             self.wait(len(FLUSH) * 10 / self.port.rate)
             stray = self._drain()
+            self._account(stray)
             self._doubtful = False
             return stray
 
-    def _drain(self) -> int:
-        """Read until nothing has come for as long as the longest reply could take."""
-        quiet = 20 * 10 / self.port.rate + 2 * TICK + 2 * self.settings.latency
-        quiet += self.settings.slack / 4
-        return self._until_quiet(quiet)
+    def _drain(self, at_least: float = 0.0) -> int:
+        """Read until nothing has come for as long as the longest reply could take.
+
+        Args:
+            at_least: For how long at least [s].
+        """
+        quiet = _LONGEST_REPLY * 10 / self.port.rate + 2 * TICK + 2 * self.settings.latency
+        quiet += max(self.settings.slack / 4, 1.5 * self._late)
+        return self._until_quiet(max(quiet, at_least))
 
     def wait(self, seconds: float) -> None:
         """Let time of the port pass; what arrives meanwhile stays for the next reader."""

@@ -13,6 +13,8 @@ _LARGEST = {
     "dead_band": 255,
     "step_multiplier": 255,
 }
+_NEVER_ZERO = ("output_limit", "error_limit", "rate_divisor", "step_multiplier")
+"""A board without output holds nothing, one without error switches off at the first count."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +43,7 @@ class Gains:
     @classmethod
     def valid_range(cls, name: str) -> tuple[int, int]:
         """Return the smallest and largest value of a field."""
-        low = 1 if name in ("rate_divisor", "step_multiplier") else 0
-        return low, _LARGEST.get(name, 32767)
+        return int(name in _NEVER_ZERO), _LARGEST.get(name, 32767)
 
     def check(self) -> None:
         """Refuse values that the chip cannot hold.

@@ -113,6 +113,11 @@ def acceleration_units(counts_per_s2: float, rate_divisor: int = 1) -> int:
     return _units(counts_per_s2 * tick**2, LARGEST_ACCELERATION, "acceleration")
 
 
+def acceleration_step(rate_divisor: int = 1) -> float:
+    """Return what accelerations are multiples of [counts/s^2]."""
+    return 1.0 / (UNITS_PER_COUNT * (TICK * rate_divisor) ** 2)
+
+
 def _units(counts_per_tick: float, largest: int, what: str) -> int:
     units = counts_per_tick * UNITS_PER_COUNT
     if not 0.0 <= units <= largest:

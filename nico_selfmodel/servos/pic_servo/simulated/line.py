@@ -10,7 +10,6 @@ from nico_selfmodel.servos.pic_servo.protocol.packets import (
     FIRST_GROUP,
     HEADER,
     SHORTEST_COMMAND,
-    UNADDRESSED,
     DamagedPacketError,
     decode_frame,
 )
@@ -81,13 +80,15 @@ class PicServoLine(SimulatedLine[SimulatedModule]):
     def _reachable(self) -> list[_Listener]:
         """Return the modules whose communication is enabled: ADDR_OUT of the one before is low.
 
-        Whether a module with an address from its own memory waits for that is not known; here it
-        does not, and lowers its own ADDR_OUT only when it is given an address.
+        A module that is reset raises its ADDR_OUT, so that those behind it neither hear nor answer
+        until it has an address again. Whether a module with an address from its own memory waits
+        for that is not known; here it does not.
         """
         reachable = []
         for index, listener in enumerate(self._listeners[: self.broken_after]):
             before = self._listeners[index - 1].module if index else None
-            if before is None or before.was_addressed or listener.module.address != UNADDRESSED:
+            own = listener.module.restored_address is not None
+            if before is None or before.was_addressed or own:
                 reachable.append(listener)
         return reachable
 
