@@ -108,9 +108,9 @@ def _marker(model: BodyModel, name: str | None) -> int:
     room = listed((m.name for m in markers if m.on == WORLD), name) or "none"
     if not own:
         raise ModelError(
-            f"body {model.name!r} carries no marker, it knows {room} in the room: poses are chosen "
-            "by what is seen of a marker that moves along. Fix one to a link, record and calibrate "
-            "anew; or record poses all over the joints' ranges without choosing"
+            f"no marker that moves on the body: it carries none, and knows {room} in the room. "
+            "Poses are chosen by what is seen of one: fix one to a link, record and calibrate anew; "
+            "or record poses all over the joints' ranges without choosing"
         )
     if name is not None and name not in own:
         raise ModelError(

@@ -54,7 +54,7 @@ def test_a_body_that_carries_no_marker_is_told_what_to_do():
     model = BodyModel("arm", replace(made.tree, markers=room), np.ones(3), covariance)
     names = ", ".join(marker.name for marker in room)
     with pytest.raises(
-        ModelError, match=f"body 'arm' carries no marker, it knows {names} in .*Fix"
+        ModelError, match=f"on the body: it carries none, and knows {names} in the room.*fix one to"
     ):
         choose_next_body_poses(model, made.data, 3, np.random.default_rng(0))
 
