@@ -109,7 +109,7 @@ def _marker(model: BodyModel, name: str | None) -> int:
     if not own:
         raise ModelError(
             f"no marker that moves on the body: it carries none, and knows {room} in the room. "
-            "Poses are chosen by what is seen of one: fix one to a link, record and calibrate anew; "
+            "Poses are chosen by what is seen of one: fix one to a link, record and learn anew; "
             "or record poses all over the joints' ranges without choosing"
         )
     if name is not None and name not in own:
