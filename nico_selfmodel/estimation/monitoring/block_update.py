@@ -13,7 +13,7 @@ from nico_selfmodel.estimation.noise.hand_observations import (
     covariance_of,
     with_values,
 )
-from nico_selfmodel.estimation.results.unobservable_words import name_unobservable
+from nico_selfmodel.estimation.results.unobservable_words import why_so_few_are_refused
 from nico_selfmodel.estimation.results.verdict import outliers_are_many
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.names import refuse_unknown
@@ -327,10 +327,8 @@ def _require_known(
     found = (
         "1 observation is" if len(observations) == 1 else f"{len(observations)} observations are"
     )
-    words = "; ".join(name_unobservable(direction) for direction in unobservable)
-    raise NotIdentifiableError(
-        f"{found} too few or too alike: {words}: record more poses, spread over the workspace"
-    )
+    zeros = [name for name in names if name.endswith(".theta_offset")]
+    raise NotIdentifiableError(why_so_few_are_refused(found, unobservable, zeros))
 
 
 def _joint_covariance(
