@@ -14,6 +14,8 @@ from nico_selfmodel.estimation.tree.known.known_poses import with_known_poses
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_result import body_model
 from nico_selfmodel.estimation.tree.tree_setup import Wishes
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 
 from .simulated_bodies import CLEAN, Truth, body, only_cameras, poses, scenario
@@ -55,6 +57,15 @@ def test_how_cameras_stand_to_each_other_tells_lengths(recorded, truth, sigma):
     largest = 1e-9 if sigma is None else 3e-3
     np.testing.assert_allclose(right.X_LA, truth.rig.X_LR, atol=largest)
     assert body_model(found).covariance is not None
+
+
+@pytest.mark.slow
+def test_a_camera_that_was_turned_since_is_named(recorded, truth):
+    (left, right), turn = truth.cameras.values(), rotation_from_vector(np.array([0.0, 0.02, 0.0]))
+    turned = right.at(right.X_WC @ transform(turn, np.zeros(3)))
+    pair = SelfModel("pair", cameras={"left": left, "right": turned})
+    with pytest.raises(DataError, match="leave out the known `pose` of right"):
+        calibrate_tree(with_poses_of(recorded, pair), effects=())
 
 
 def test_known_poses_come_back_from_the_folder(recorded, truth, tmp_path):

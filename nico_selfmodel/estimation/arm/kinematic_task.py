@@ -112,8 +112,10 @@ class KinematicTask:
             _witnesses(observations),
         )
 
-    def with_spread(self, spread: SightSpread, arm: ArmEstimate) -> "KinematicTask":
+    def with_spread(self, spread: SightSpread | None, arm: ArmEstimate) -> "KinematicTask":
         """Return the same, its points weighed by what cameras are uncertain by near an arm's."""
+        if spread is None:
+            return self
 
         def of(rows: Observations) -> Observations:
             expected = arm.predict(rows.angles, rows.marker)

@@ -188,8 +188,7 @@ def calibrate_kinematics(
         search = search_starts(
             task.sample, task.few, task.starts(), task.gear_pinned, task.sigma, loss
         )
-        if spread is not None:
-            task = task.with_spread(spread, search.best.arm)
+        task = task.with_spread(spread, search.best.arm)
         solved = _refined(task, search.best, pins, loss)
         contradicted = _contradicted_parameters(task, search.best, solved, pins)
         trim = loss != "none"

@@ -92,6 +92,8 @@ class Wishes:
     """Fixed and freed parameters."""
     priors: Priors = field(default_factory=dict)
     """What is known of some."""
+    by_poses: frozenset[str] = frozenset()
+    """Names among both that the recording's known poses of sensors tell, not the user."""
 
     def __post_init__(self) -> None:
         """Refuse what is known for sure and not so surely."""

@@ -39,4 +39,5 @@ def with_known_poses(data: BodyDataset, description: Description | None, wishes:
                     priors[name] = (value, sigma)
                 else:
                     pinned[name] = value
-    return Wishes(replace(wishes.pins, pinned=pinned), priors)
+    told = frozenset((pinned.keys() | priors.keys()) - said)
+    return Wishes(replace(wishes.pins, pinned=pinned), priors, told)
