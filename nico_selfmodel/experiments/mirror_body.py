@@ -68,5 +68,5 @@ def learned_body(body: SimulatedMirrors) -> SelfModel:
     seen = body.watch("", LEARNING_POSES, session=1, name="hand seen directly")
     stereo = StereoPoints.of(cameras.self_model("nico"), seen)
     nominal = nominal_of(ArmDescription.named("nico"))
-    arm = calibrate_kinematics(stereo.train, nominal=nominal, name="nico")
+    arm = calibrate_kinematics(stereo.train, nominal=nominal, name="nico", spread=stereo.spread)
     return replace(stereo.complete(arm).model, pixel_sigma=body.pixel_sigma)

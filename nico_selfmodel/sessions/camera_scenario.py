@@ -186,7 +186,14 @@ def learn_arm(
     """
     stereo = StereoPoints.of(cameras.self_model(name), train, test)
     calibration = stereo.complete(
-        calibrate_kinematics(stereo.train, test=stereo.test, nominal=nominal, name=name, up=up)
+        calibrate_kinematics(
+            stereo.train,
+            test=stereo.test,
+            nominal=nominal,
+            name=name,
+            up=up,
+            spread=stereo.spread,
+        )
     )
     return ArmScenario(calibration, stereo, stereo.evaluate(calibration.model))
 

@@ -18,12 +18,15 @@ from nico_selfmodel.estimation.monitoring.monitored_changes import (
 )
 from nico_selfmodel.estimation.noise.mixture_density import MixtureDensity
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
+from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_errors import told_as
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_result import body_model
+from nico_selfmodel.estimation.tree.tree_setup import Wishes
 from nico_selfmodel.geometry.rotation import rotation_from_vector
-from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.geometry.transform import inverse, transform
+from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.noise_mixture import NoiseMixture
 
 from ..slow_rest import slow_rest
@@ -204,3 +207,26 @@ def test_a_recording_that_says_otherwise_what_carries_what_is_of_another_body(
     with pytest.raises(DataError, match=said):
         told_as(model.tree, replace(sim.data, **{kind: tuple(items)}))
     told_as(model.tree, sim.data)
+
+
+def test_a_zoom_that_was_turned_is_no_camera_that_moved():
+    sim = one_arm(4, joints=5, markers=3, poses=60, sensor="camera", joint_sigma=JOINT_SIGMA)
+    left, right = (sensor.X_LA for sensor in sim.tree.sensors)
+    pins = FixedParameters({"right.x": float((inverse(left) @ right)[0, 3])})
+    body = body_model(calibrate_tree(sim.data, wishes=Wishes(pins), effects=()))
+    values = dict(sim.tree.lenses["left"].named_values)
+    values |= {"fx": 1.05 * values["fx"], "fy": 1.05 * values["fy"]}
+    zoomed = Camera.from_values(np.array(list(values.values())), sim.tree.lenses["left"].image_size)
+    tree = replace(sim.tree, lenses={**sim.tree.lenses, "left": zoomed})
+    rng = np.random.default_rng(17)
+    q = rng.uniform(-1.0, 1.0, (30, 5))
+    data = observed(
+        tree, sim.data.joints, sim.data.markers, sim.data.sensors, q, rng,
+        joint_sigma=JOINT_SIGMA, sigma={"camera": 0.3},
+    )  # fmt: skip
+    data = replace(data, readings=q)
+    report = check_body_health(body, data)
+    assert report.diagnoses[0].hypothesis.cause == "focal length of camera left"
+    learned = relearn_body(body, data, report).model.tree.lenses["left"].named_values
+    assert learned["fx"] == pytest.approx(values["fx"], rel=3e-3)
+    assert learned["cx"] == pytest.approx(values["cx"], abs=1e-9)

@@ -80,6 +80,18 @@ def test_poses_that_leave_a_zero_open_are_refused_by_its_name(body, data):
         rezero_body(body, unseen, ["left_elbow"])
 
 
+def test_joints_beyond_all_that_was_seen_need_a_marker_and_no_more_poses(body, data):
+    table = data.observations
+    hands = [i for i, m in enumerate(data.markers) if m.on.startswith("left_")]
+    unseen = replace(data, observations=table.select(~np.isin(table.marker, hands)))
+    with pytest.raises(NotIdentifiableError) as refusal:
+        rezero_body(body, unseen, ["left_elbow", "right_elbow"])
+    assert "no number of poses tells `left_elbow.rz`, for these" in str(refusal.value)
+    assert "a marker beyond them" in str(refusal.value)
+    assert "--joint" in str(refusal.value)
+    assert "more poses" not in str(refusal.value)
+
+
 def test_what_has_no_zero_is_refused(body, data):
     with pytest.raises(ValueError, match="no joint 'elbow'"):
         rezero_body(body, data, ["elbow"])

@@ -9,8 +9,10 @@ import pytest
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.body.stereo_points import StereoPoints
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
+from nico_selfmodel.estimation.observations.sight_spread import SightSpread
 from nico_selfmodel.model.cameras.rig_parameters import rig_names
-from nico_selfmodel.model.self_model import ParameterCovariance
+from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
 from .simulated_boards import RIG
 from .simulated_bodies import Truth, body, scenario
@@ -19,7 +21,7 @@ from .simulated_bodies import Truth, body, scenario
 def through(cameras, seed=0):
     """Return the cameras' stereo and the arm that is learned through it."""
     stereo = StereoPoints.of(cameras, scenario(seed).train)
-    return stereo, calibrate_kinematics(stereo.train, loss="none", starts=3)
+    return stereo, calibrate_kinematics(stereo.train, loss="none", starts=3, spread=stereo.spread)
 
 
 @pytest.mark.parametrize(("boards", "told"), [(0.02, 0.1), (0.3, 0.3), (None, None)])
@@ -107,3 +109,54 @@ def test_cameras_without_a_covariance_count_as_exact():
     whole = stereo.complete(arm)
     assert whole.uncertainty is arm.uncertainty
     assert whole.model.covariance.names == arm.uncertainty.names
+
+
+NEARLY_STILL = IMPERFECTIONS["clean"].with_noise(play_deg=0.02)
+
+
+def by_exact_cameras(seed, sigma_px=None):
+    """Return what true cameras, as another program states them, make of a hand whose joints have
+    hardly any play, and the true body."""
+    recorded, one = scenario(seed, world=NEARLY_STILL), body(seed, world=NEARLY_STILL)
+    true = Truth.of(one).model()
+    cameras = SelfModel("cameras", cameras=true.cameras)
+    train = replace(recorded.train, pixel_sigma_px=sigma_px)
+    return StereoPoints.of(cameras, train), true, recorded.test
+
+
+def test_the_spread_of_a_point_is_that_of_its_triangulation():
+    rng = np.random.default_rng(3)
+    p = rng.uniform([-0.1, -0.1, 0.4], [0.1, 0.1, 0.9], (40, 3))
+    spread = SightSpread.of(RIG, p)
+    found = RIG.triangulate(RIG.project(p), 1.0).covariance
+    np.testing.assert_allclose(spread.covariances(p, p) * spread.unit**2, found, rtol=1e-6)
+    # One that cannot be where it should counts where it was seen.
+    behind = p * [1.0, 1.0, -1.0]
+    np.testing.assert_allclose(spread.covariances(behind, p), spread.covariances(p, p))
+
+
+@pytest.mark.slow
+def test_depth_decides_by_as_much_as_cameras_tell_of_it():
+    """A pixel moves a point by far more along the sights than across."""
+    errors = np.zeros((2, 4))
+    for i in range(4):
+        stereo, true, test = by_exact_cameras(4 + i, 0.3)
+        for k, spread in enumerate((None, stereo.spread)):
+            arm = calibrate_kinematics(
+                stereo.train, starts=3, effects=(), explain=False, spread=spread
+            ).model
+            off = arm.predict(test.encoders).p_WH - true.predict(test.encoders).p_WH
+            errors[k, i] = np.mean(off**2)
+    before, after = np.sqrt(errors.mean(axis=1))
+    assert after < 0.6 * before, errors
+
+
+def test_cameras_of_other_programs_are_enough_where_nobody_states_what_a_pixel_is_uncertain_by():
+    stereo, _, _ = by_exact_cameras(0)
+    assert stereo.pixel_sigma is None
+    arm = calibrate_kinematics(
+        stereo.train, starts=3, effects=(), explain=False, spread=stereo.spread
+    )
+    model = stereo.complete(arm).model
+    assert model.pixel_sigma == pytest.approx(0.3, rel=0.1)
+    assert model.noise_mixtures["pixels"].sensor_sigma == pytest.approx(0.3, rel=0.2)

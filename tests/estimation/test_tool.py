@@ -171,6 +171,35 @@ def test_an_outlier_among_the_poses_of_a_tool_is_left_out(model, tipped):
     assert true_mm(found.model, tipped.select(np.arange(20, 60))) < 5.0
 
 
+def hardly_known(model, name, off, sigma):
+    """Return a body with one parameter that is off, and known to be uncertain by about as much."""
+    values, known = model.parameters.values.copy(), model.covariance
+    values[model.parameters.names.index(name)] += off
+    matrix, i = known.matrix.copy(), known.names.index(name)
+    matrix[i, i] += sigma**2
+    moved = model.parameters.with_values(values)
+    return replace(model, table=moved.table, covariance=replace(known, matrix=matrix))
+
+
+def test_what_the_arm_is_uncertain_by_is_no_contradiction(model, tipped):
+    """An axis that is off is off alike in all poses: sound ones of a tip that turns about it."""
+    loose = hardly_known(model, f"{model.joints[-2]}.alpha", np.radians(5.0), np.radians(3.0))
+    for first in (0, 20, 40):
+        found = calibrate_tool(loose, only_cameras(tipped.select(np.arange(first, first + 20))))
+        assert found.update.fits, first
+        assert not found.update.outliers.any(), first
+        assert judge(found).status == "NOT_EVALUATED", judge(found).reasons
+
+
+def test_an_outlier_is_left_out_though_the_arm_is_hardly_known(model, tipped):
+    loose = hardly_known(model, f"{model.joints[-2]}.alpha", np.radians(5.0), np.radians(3.0))
+    few = only_cameras(tipped.select(np.arange(12)))
+    pixels = few.pixels.copy()
+    pixels[3] += 60.0
+    found = calibrate_tool(loose, replace(few, pixels=pixels))
+    assert np.flatnonzero(found.update.outliers).tolist() == [3]
+
+
 @pytest.mark.parametrize("sensor", ["pixels", "points"])
 def test_five_poses_bring_the_zeros_back(model, sensor):
     one = body()

@@ -74,6 +74,8 @@ def calibrate(
     if robot is not None:
         train, test = _in_joint_frames(robot, train, test, wishes)
     lenses = _lenses(known.cameras, train)
+    if known.cameras is not None and robot is None and boards is None:
+        train = _with_poses(known.cameras, train)
     with printer.progress_bar() as progress:
         if boards is not None and board is not None:
             train = _with_boards(train, boards, board, progress)
@@ -203,6 +205,14 @@ def _lenses(path: Path | None, data: "BodyDataset") -> "dict[str, Camera]":
             f"{data.name!r}: {listed(seeing) or 'none'}: they are matched by name"
         )
     return lenses
+
+
+def _with_poses(path: Path, data: "BodyDataset") -> "BodyDataset":
+    """Return a recording that says how calibrated cameras stand to each other."""
+    from nico_selfmodel.dataset.body.conversion import with_poses_of
+    from nico_selfmodel.model.self_model_file import load_model
+
+    return with_poses_of(data, load_model(path))
 
 
 def _in_joint_frames(

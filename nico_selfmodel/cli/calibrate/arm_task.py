@@ -90,6 +90,7 @@ class ArmTask:
             name=output.name,
             effects=effects,
             up=up,
+            spread=None if stereo is None else stereo.spread,
         )
         if stereo is not None:
             calibration = stereo.complete(calibration)

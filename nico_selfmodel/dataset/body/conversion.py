@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import WIDTH, BodyDataset, ObservationTable
 from nico_selfmodel.dataset.body.link_joint import LinkJoint
-from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, MarkerInfo, SensorInfo
+from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES, MarkerInfo, SensorInfo
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL
-from nico_selfmodel.model.tree.body_tree import WORLD_NAME
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD_NAME
 from nico_selfmodel.names import listed
 
 TRACKER, SIDES = "tracker", ("left", "right")
@@ -139,6 +140,58 @@ def with_lenses(data: BodyDataset, lenses: Mapping[str, Camera]) -> BodyDataset:
             replace(info, lens=dict(lenses[info.name].named_values)) for info in data.sensors
         ),
     )
+
+
+def with_poses_of(data: BodyDataset, known: SelfModel) -> BodyDataset:
+    """Return a recording that says where calibrated cameras stand to the one that is its world.
+
+    Their distance from each other tells lengths. It stays as it is where something else stands for
+    the world, or markers of known places tell lengths, and so do poses that it tells itself.
+
+    Args:
+        known: Cameras, by the recording's names; what it does not say to be uncertain counts as
+            exact.
+    """
+    if any(m.xyz is not None for m in data.markers):
+        return data
+    if any(joint.motion == FLANGE for joint in data.joints):
+        return data
+    used = np.unique(data.observations.sensor).tolist()
+    standing = [data.sensors[s] for s in used if data.sensors[s].on == WORLD_NAME]
+    if any(sensor.kind in (POINTS, POSES) for sensor in standing):
+        return data
+    cameras = [s.name for s in standing if s.kind == CAMERA and s.X_LS is None]
+    if len(cameras) < 2 or not set(cameras[:1]) <= set(known.cameras):
+        return data
+    world, *others = (name for name in cameras if name in known.cameras)
+    X_CW = known.cameras[world].X_CW
+    told = {
+        name: replace(
+            data.sensors[[s.name for s in data.sensors].index(name)],
+            X_LS=X_CW @ known.cameras[name].X_WC,
+            pose_sigma=_pose_sigma(known, world, name),
+        )
+        for name in others
+    }
+    return replace(data, sensors=tuple(told.get(s.name, s) for s in data.sensors))
+
+
+def _pose_sigma(known: SelfModel, world: str, name: str) -> tuple[float, float]:
+    """Return what place [m] and turn [rad] of one camera from another are uncertain by at most."""
+    if known.covariance is None:
+        return 0.0, 0.0
+    names = known.covariance.names
+    sigma = dict(zip(names, np.sqrt(np.diag(known.covariance.matrix)).tolist(), strict=True))
+    (far, bent), (beside, askew) = (
+        (
+            max(sigma.get(f"{camera}.pose.{part}", 0.0) for part in "xyz"),
+            max(sigma.get(f"{camera}.pose.{part}", 0.0) for part in ("rx", "ry", "rz")),
+        )
+        for camera in (name, world)
+    )
+    apart = known.cameras[name].X_WC[:3, 3] - known.cameras[world].X_WC[:3, 3]
+    lever = float(np.linalg.norm(apart)) * askew
+    return float(np.sqrt(far**2 + beside**2 + lever**2)), float(np.hypot(bent, askew))
 
 
 def _rows(

@@ -43,6 +43,8 @@ FIRST_TURN_SIGMA = 0.01
 _KEYS = (
     "name", "kind", "on", "sigma_m", "sigma_px", "sigma_rad", "image_size", "lens", "pose", "noise",
 )  # fmt: skip
+_POSE_SIGMAS = ("sigma_m", "sigma_rad")
+"""What says of a sensor's pose that it is known, and by how much."""
 _LIMIT = {CAMERA: 100.0}
 """Largest standard deviation of a kind that is not 1 m."""
 _SHORTEST = 0.05
@@ -108,6 +110,9 @@ class SensorInfo:
     X_LS: NDArray | None = None
     """Where it is thought to be on its link; a guess, of a plane what its tilts are told from, too.
     Shape (4, 4)."""
+    pose_sigma: tuple[float, float] | None = None
+    """What each part of the place [m] and turn [rad] in `X_LS` is uncertain by, where it is known;
+    None where `X_LS` is a guess."""
     noise: str = ""
     """Sensors that say the same here share their standard deviations; its own name if empty."""
 
@@ -162,6 +167,7 @@ class SensorInfo:
             None if size is None else (size[0], size[1]),
             lens,
             X_LS=_pose(entry.get("pose"), where),
+            pose_sigma=_pose_sigma(entry.get("pose"), kind, where),
             lens_kind=_lens_kind(entry.get("lens"), where),
             noise=text_value(entry, "noise", where, ""),
         )
@@ -175,7 +181,8 @@ class SensorInfo:
         kind = {} if self.lens_kind == POLYNOMIAL else {"kind": self.lens_kind}
         entry["lens"] = None if self.lens is None else kind | dict(self.lens)
         if self.X_LS is not None:
-            entry["pose"] = _pose_mapping(self.X_LS)
+            sigmas = dict(zip(_POSE_SIGMAS, self.pose_sigma or (), strict=False))
+            entry["pose"] = {**_pose_mapping(self.X_LS), **sigmas}
         entry["noise"] = self.noise or None
         return {key: value for key, value in entry.items() if value is not None}
 
@@ -191,13 +198,26 @@ def _pose(value: Any, where: str) -> NDArray | None:
         return None
     if not isinstance(value, Mapping):
         raise DataError(f"{where}: 'pose' must have xyz and rotation_vector, got {shown(value)}")
-    check_keys(value, ("xyz", "rotation_vector"), where)
+    check_keys(value, ("xyz", "rotation_vector", *_POSE_SIGMAS), where)
     parts = [np.asarray(value.get(key, [0.0] * 3)) for key in ("xyz", "rotation_vector")]
     if any(part.shape != (3,) or part.dtype.kind not in "if" for part in parts):
         raise DataError(f"{where}: 'pose' needs three numbers each, got {shown(value)}")
     if not np.isfinite(np.concatenate(parts)).all():
         raise DataError(f"{where}: 'pose' must be finite, got {shown(value)}")
     return transform(rotation_from_vector(parts[1]), parts[0])
+
+
+def _pose_sigma(pose: Any, kind: str, where: str) -> tuple[float, float] | None:
+    """Return what a pose that was read is uncertain by; None where it is a guess."""
+    if pose is None or not any(key in pose for key in _POSE_SIGMAS):
+        return None
+    place, turn = (number_value(pose, key, where) for key in _POSE_SIGMAS)
+    if place is None or turn is None or min(place, turn) < 0.0 or kind not in SIGHTS:
+        raise DataError(
+            f"{where}: a 'pose' that is known has sigma_m and sigma_rad, 0 or more, and is of a "
+            f"sensor that sees, got {shown(pose)} of kind {kind!r}; leave both out of a guess"
+        )
+    return place, turn
 
 
 def _place(value: Any, where: str) -> tuple[float, float, float] | None:

@@ -9,6 +9,7 @@ from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
 from nico_selfmodel.estimation.observations.matching import check_markers, reading_columns
 from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.estimation.observations.sight_spread import SightSpread
 from nico_selfmodel.estimation.results.errors import ErrorStatistics
 from nico_selfmodel.model.arm.dh_parameters import slopes_by_angle
 from nico_selfmodel.model.self_model import SelfModel
@@ -58,11 +59,12 @@ class Evaluation:
         return ErrorStatistics.from_distances(self.distances)
 
 
-def evaluate(model: SelfModel, dataset: Dataset) -> Evaluation:
+def evaluate(model: SelfModel, dataset: Dataset, spread: SightSpread | None = None) -> Evaluation:
     """Hold a self-model against a data set.
 
     Args:
         dataset: Encoder readings and measured points, of the same joints in any order.
+        spread: Of points that cameras reconstructed, as the model was learned from.
 
     Raises:
         DataError: If joints, units or markers differ, or nothing was measured.
@@ -81,6 +83,10 @@ def evaluate(model: SelfModel, dataset: Dataset) -> Evaluation:
         covariances.append(expected_covariance(model, own, marker, prediction.covariance))
     known = covariances[0] is not None
     expected = np.concatenate(covariances) if known else None
+    noise = PoseNoise.of(model)
+    if spread is not None and expected is not None and noise is not None:
+        beyond = spread.covariances(np.concatenate(points), observations.p_WH) - np.eye(3)
+        expected = expected + noise.sensor_sigma**2 * beyond
     return Evaluation(observations, np.concatenate(points), expected)
 
 

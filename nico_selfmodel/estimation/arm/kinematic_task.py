@@ -1,7 +1,7 @@
 """What the calibration of an arm works on, and from where it may start."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
@@ -25,6 +25,7 @@ from nico_selfmodel.estimation.initialization.nominal_arm import (
 from nico_selfmodel.estimation.initialization.start_search import RANDOM, few_rows
 from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.observations import Observations, gears_known
+from nico_selfmodel.estimation.observations.sight_spread import SightSpread
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.names import listed
@@ -110,6 +111,17 @@ class KinematicTask:
             _sample(observations, seed),
             _witnesses(observations),
         )
+
+    def with_spread(self, spread: SightSpread | None, arm: ArmEstimate) -> "KinematicTask":
+        """Return the same, its points weighed by what cameras are uncertain by near an arm's."""
+        if spread is None:
+            return self
+
+        def of(rows: Observations) -> Observations:
+            expected = arm.predict(rows.angles, rows.marker)
+            return rows.with_spread(spread.covariances(expected, rows.p_WH))
+
+        return replace(self, observations=of(self.observations), sample=of(self.sample))
 
     @property
     def sampled(self) -> bool:

@@ -53,6 +53,7 @@ from nico_selfmodel.estimation.noise.arm_solution import ArmSolution, Linearised
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
 from nico_selfmodel.estimation.noise.pose_sums import PoseSums, refine_on_all
 from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.estimation.observations.sight_spread import SightSpread
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.self_model import SelfModel
@@ -106,6 +107,8 @@ class KinematicCalibration:
     """What may bend, and what became of it."""
     noise: PoseNoise | None
     """Of the sensor and of the joints; None for circle points alone."""
+    spread: SightSpread | None
+    """What weighed points that cameras reconstructed."""
     patterns: tuple[Pattern, ...]
     """What the residuals depend on, which the model does not have; the surest first."""
     change: Change | None
@@ -142,6 +145,7 @@ def calibrate_kinematics(
     explain: bool = True,
     effects: Sequence[str] = STEPS,
     up: NDArray | None = None,
+    spread: SightSpread | None = None,
 ) -> KinematicCalibration:
     """Learn an arm from encoder readings and measured points of the hand.
 
@@ -159,6 +163,7 @@ def calibrate_kinematics(
         effects: What may bend, of `estimation.bending.steps.STEPS`: kept where unseen poses gain.
             With none they are asked for all the same, to tell what they would explain.
         up: Unit vertical in W, for sag; the first axis and z are tried if omitted. Shape (3,).
+        spread: Of points that cameras reconstructed; a tracker's coordinates err alike if omitted.
 
     Returns:
         The calibration. A failed check does not raise: see `estimation.judging.judge`.
@@ -183,6 +188,7 @@ def calibrate_kinematics(
         search = search_starts(
             task.sample, task.few, task.starts(), task.gear_pinned, task.sigma, loss
         )
+        task = task.with_spread(spread, search.best.arm)
         solved = _refined(task, search.best, pins, loss)
         contradicted = _contradicted_parameters(task, search.best, solved, pins)
         trim = loss != "none"
@@ -201,10 +207,10 @@ def calibrate_kinematics(
     return KinematicCalibration(
         model,
         method,
-        evaluate(model, dataset),
+        evaluate(model, dataset, spread),
         solved.outliers,
         dataset.sweep[task.observations.rows] == "",
-        None if test is None else evaluate(model, test),
+        None if test is None else evaluate(model, test, spread),
         unseen,
         solved.uncertainty,
         solved.free,
@@ -218,6 +224,7 @@ def calibrate_kinematics(
         causes,
         ladder,
         solved.noise,
+        spread,
         doubts.patterns,
         doubts.change,
         doubts.lag,

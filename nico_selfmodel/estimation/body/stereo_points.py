@@ -15,11 +15,12 @@ from nico_selfmodel.estimation.body.body_initialization import in_left_camera, r
 from nico_selfmodel.estimation.body.sights_apart import SightsApart
 from nico_selfmodel.estimation.noise.arm_solution import Linearised
 from nico_selfmodel.estimation.noise.hand_observations import covariance_of
-from nico_selfmodel.estimation.noise.training_noise import with_training_noise
+from nico_selfmodel.estimation.noise.training_noise import LEAST, with_training_noise
 from nico_selfmodel.estimation.observations.hand_rows import project_to_cameras
 from nico_selfmodel.estimation.observations.matching import check_images
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation, evaluate_pixels
+from nico_selfmodel.estimation.observations.sight_spread import SightSpread
 from nico_selfmodel.estimation.results.calibration_result import (
     LAST,
     WARNING,
@@ -85,16 +86,28 @@ class StereoPoints:
     def pixel_sigma(self) -> float | None:
         """Standard deviation of a pixel coordinate of the hand [px].
 
-        Two sights leave one number, by how far they miss each other; a mark that is hard to locate
-        scatters by more than the corners of boards, which the cameras were learned from.
+        A mark that is hard to locate scatters by more than the corners of boards, which the cameras
+        were learned from. None where they do not say by how much those did.
         """
-        boards, pixels = self.cameras.pixel_sigma, self.pixels["train"].pixels
+        boards, sights = self.cameras.pixel_sigma, self.sight_sigma
+        return boards if boards is None or sights is None else max(boards, sights)
+
+    @property
+    def sight_sigma(self) -> float | None:
+        """The same by how far two sights miss each other, which is one number a point [px]."""
+        pixels = self.pixels["train"].pixels
         both = np.isfinite(pixels).all(axis=1)
-        if boards is None or not both.any():
-            return boards
+        if not both.any():
+            return None
         apart = np.linalg.norm(self.cameras.rig.triangulate(pixels[both]).residuals, axis=1)
         most = _WILD * robust_scale(apart, 1)
-        return max(boards, float(np.sqrt(np.mean(np.minimum(apart, most) ** 2))))
+        return max(LEAST["pixels"], float(np.sqrt(np.mean(np.minimum(apart, most) ** 2))))
+
+    @property
+    def spread(self) -> SightSpread:
+        """What both cameras are uncertain by where they see the hand."""
+        points = self.train.p_WH_measured[self.train.measured]
+        return SightSpread.of(self.cameras.rig, points)
 
     def complete(self, calibration: KinematicCalibration) -> KinematicCalibration:
         """Return an arm's calibration with the cameras in its self-model.
@@ -103,14 +116,16 @@ class StereoPoints:
             the arm's sigmas too, and arm and cameras are correlated.
         """
         model = replace(
-            calibration.model, cameras=self.cameras.cameras, pixel_sigma=self.pixel_sigma
+            calibration.model,
+            cameras=self.cameras.cameras,
+            pixel_sigma=self.pixel_sigma or self.sight_sigma,
         )
         known, arm = self.cameras.covariance, calibration.uncertainty
         # A covariance may speak of an arm alone, whose cameras counted as exact.
         rig = self.cameras.rig
         cameras = tuple(n for n in rig.names if known is not None and n in known.names)
         if not cameras or arm is None:
-            return replace(calibration, model=self._with_noise(model, calibration.outliers))
+            return replace(calibration, model=self._with_noise(model, calibration))
         together = _together(
             arm, self._gain(calibration, arm.names, cameras), self.cameras, cameras
         )
@@ -120,7 +135,7 @@ class StereoPoints:
         model = replace(model, covariance=ParameterCovariance((*arm.names, *cameras), together))
         return replace(
             calibration,
-            model=self._with_noise(model, calibration.outliers),
+            model=self._with_noise(model, calibration),
             uncertainty=replace(arm, covariance=own, sigma=sigma),
         )
 
@@ -128,11 +143,15 @@ class StereoPoints:
         self, calibration: KinematicCalibration, arm: tuple[str, ...], cameras: tuple[str, ...]
     ) -> NDArray:
         """Return by how much parameters of the arm follow those of the cameras. Shape (k, e)."""
-        observations = Observations.from_dataset(self.train, calibration.model.markers)
         parameters, noise = calibration.model.parameters, calibration.noise
+        observations = Observations.from_dataset(self.train, calibration.model.markers)
+        if calibration.spread is not None:
+            expected = parameters.points(observations.angles, observations.marker)
+            around = calibration.spread.covariances(expected, observations.p_WH)
+            observations = observations.with_spread(around)
         assert noise is not None
         linear = Linearised.at(observations, parameters, ~calibration.outliers, noise)
-        p = observations.p_WH - linear.residuals
+        p = observations.predicted(parameters)[0]
         rig = self.cameras.rig
         _, by_point, by_cameras = project_to_cameras(p.T, rig.values, rig.lenses)
         # Pixels stay: the point moves so that it makes up for the cameras, as well as one point
@@ -142,16 +161,19 @@ class StereoPoints:
         moved = -np.linalg.pinv(by_point) @ by_cameras[columns].transpose(2, 1, 0)
         rows = linear.weights * linear.columns(frozenset(arm))
         size = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
-        follows = np.linalg.lstsq(rows / size, linear.weights * linear.whitened(moved), 1e-9)[0]
+        follows = np.linalg.lstsq(
+            rows / size, linear.weights * linear.whitened(observations.alike(moved)), 1e-9
+        )[0]
         return follows / size[:, None]
 
-    def _with_noise(self, model: SelfModel, outliers: NDArray) -> SelfModel:
+    def _with_noise(self, model: SelfModel, calibration: KinematicCalibration) -> SelfModel:
         """Return a completed model that says what noise its training left in the images."""
         rows = Observations.from_dataset(self.train, model.markers)
         seen = self.pixels["train"]
         own = seen.select(np.isin(seen.sample, rows.sample))
-        aside, scatter = rows.sample[outliers], model.noise_sigma or 0.0
-        return with_training_noise(model, own, "pixels", aside, scatter)
+        aside, noise = rows.sample[calibration.outliers], calibration.noise
+        joints = None if noise is None else noise.joint_sigma
+        return with_training_noise(model, own, "pixels", aside, joints)
 
     def evaluate(self, model: SelfModel, part: str = "test") -> PixelEvaluation:
         """Hold a completed model against what the cameras saw."""

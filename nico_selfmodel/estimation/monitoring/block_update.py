@@ -13,7 +13,7 @@ from nico_selfmodel.estimation.noise.hand_observations import (
     covariance_of,
     with_values,
 )
-from nico_selfmodel.estimation.results.unobservable_words import name_unobservable
+from nico_selfmodel.estimation.results.unobservable_words import why_so_few_are_refused
 from nico_selfmodel.estimation.results.verdict import outliers_are_many
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.names import refuse_unknown
@@ -22,6 +22,8 @@ from nico_selfmodel.optimization.losses import Loss
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT, ROBUST_METHODS
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
+_FITS = 4.0
+"""Standard deviations of the misfit beyond which the rest of the body no longer fits."""
 _ROUNDS = 2
 """Further solutions, each weighed where the last one ended."""
 
@@ -70,7 +72,7 @@ class BlockUpdate:
     @property
     def fits(self) -> bool:
         """Whether the rest of the body still fits the data."""
-        return self.score < 4.0 and not self._contradicted
+        return self.score < _FITS and not self._contradicted
 
     @property
     def _contradicted(self) -> bool:
@@ -91,7 +93,8 @@ def learn_block(
     """Learn a block of parameters from observations, all others held.
 
     The block's covariance includes what the others are uncertain by: with data r = J_z dz + J_b db,
-    dz = -(J_z'J_z)^-1 J_z' (r - J_b db).
+    dz = -(J_z'J_z)^-1 J_z' (r - J_b db). Rows are outliers that contradict the others however the
+    rest of the body errs, within what it is uncertain by: its own error is alike in all rows.
 
     Args:
         observations: The data, as `hand_observations_of` this model.
@@ -106,6 +109,9 @@ def learn_block(
     program = _program(observations, columns)
     _require_known(observations, columns, names, scales)
     solution, outliers = _settle(program, observations, loss)
+    if outliers.any():
+        outliers = _off_whatever_errs(model, replace(observations, x=solution.x), columns, loss)
+        solution = _settle_on(program, observations, solution, outliers, loss)
     x, inliers = solution.x, ~outliers
     at = replace(observations, x=x)
     _, jacobian = observations.block.evaluate(x)
@@ -116,7 +122,10 @@ def learn_block(
     covariance = _joint_covariance(model, observations.names, stacked, columns, uncertainty)
     updated = replace(updated, covariance=covariance)
     misfit = _misfit(model, at, inliers, columns)
-    return _update(model, updated, names, at, outliers, misfit, solution)
+    found = _update(model, updated, names, at, outliers, misfit, solution)
+    if found.score < _FITS:
+        return found
+    return replace(found, misfit=min(misfit, _least_misfit(model, at, inliers, columns)))
 
 
 def learn_with_prior(
@@ -139,17 +148,8 @@ def learn_with_prior(
     Raises:
         NotIdentifiableError: If the data leave a parameter of the block open.
     """
-    prior = covariance_of(model, observations.names)
-    known = np.flatnonzero((np.diag(prior) > 0.0) & ~np.isin(observations.names, names))
     columns = np.array([observations.names.index(name) for name in names], dtype=int)
-    program = _program(observations, np.concatenate([known, columns]))
-    block = _GaussianPrior(
-        tuple(observations.names[i] for i in known),
-        observations.x[known],
-        prior[np.ix_(known, known)],
-    )
-    if len(known):
-        program.add_residuals(block)
+    program, known, block = _program_with_prior(model, observations, columns, observations.x)
     _require_known(observations, columns, names, scales)
     solution, outliers = _settle(program, observations, loss)
     x, inliers = solution.x, ~outliers
@@ -185,6 +185,60 @@ def _program(observations: HandObservations, free: NDArray) -> CalibrationProgra
     observations.block.whiten(observations.whitening())
     assert program.add_residuals(observations.block) == _HAND
     return program
+
+
+def _program_with_prior(
+    model: SelfModel, observations: HandObservations, columns: NDArray, mean: NDArray
+) -> tuple[CalibrationProgram, NDArray, "_GaussianPrior"]:
+    """Return the program in which some columns are free and all that may err is, under its prior.
+
+    Args:
+        columns: Numbers of what has no prior. Shape (k,).
+        mean: Of the prior. Shape (P,).
+
+    Returns:
+        The program, numbers of what may err, shape (m,), and their prior.
+    """
+    prior = covariance_of(model, observations.names)
+    known = np.setdiff1d(np.flatnonzero(np.diag(prior) > 0.0), columns)
+    program = _program(observations, np.concatenate([known, columns]))
+    names = tuple(observations.names[i] for i in known)
+    block = _GaussianPrior(names, mean[known], prior[np.ix_(known, known)])
+    if len(known):
+        program.add_residuals(block)
+    return program, known, block
+
+
+def _off_whatever_errs(
+    model: SelfModel, observations: HandObservations, columns: NDArray, loss: str
+) -> NDArray:
+    """Return the rows that contradict the others however the rest of the body errs. Shape (N,).
+
+    Args:
+        observations: Where the block was learned, the rest as it is known.
+        columns: Numbers of the block. Shape (k,).
+    """
+    program, _, _ = _program_with_prior(model, observations, columns, observations.x)
+    return _settle(program, observations, loss)[1]
+
+
+def _settle_on(
+    program: CalibrationProgram,
+    observations: HandObservations,
+    start: ProgramSolution,
+    outliers: NDArray,
+    loss: str,
+) -> ProgramSolution:
+    """Solve with outliers that are known already, and weigh anew where the solution is."""
+    if loss != "trimmed":
+        return start
+    solution = start
+    for _ in range(1 + _ROUNDS):
+        program.move_start(solution.x)
+        observations.block.whiten(replace(observations, x=solution.x).whitening())
+        program.set_loss(_HAND, Loss(), (~outliers).astype(float))
+        solution = program.solve()
+    return solution
 
 
 def _update(
@@ -273,10 +327,8 @@ def _require_known(
     found = (
         "1 observation is" if len(observations) == 1 else f"{len(observations)} observations are"
     )
-    words = "; ".join(name_unobservable(direction) for direction in unobservable)
-    raise NotIdentifiableError(
-        f"{found} too few or too alike: {words}: record more poses, spread over the workspace"
-    )
+    zeros = [name for name in names if name.endswith(".theta_offset")]
+    raise NotIdentifiableError(why_so_few_are_refused(found, unobservable, zeros))
 
 
 def _joint_covariance(
@@ -329,3 +381,18 @@ def _misfit(
         scaled = (root + j @ j.T) * np.outer(size, size)
         misfit -= float((size * b) @ np.linalg.solve(scaled, size * b))
     return misfit
+
+
+def _least_misfit(
+    model: SelfModel, observations: HandObservations, inliers: NDArray, columns: NDArray
+) -> float:
+    """Return the least sum of squares, those of the prior among them, by which all may err.
+
+    `_misfit` takes the block where it fits a body without errors best, and slopes for what may be
+    too far away for them.
+    """
+    program, known, _ = _program_with_prior(model, observations, columns, observations.x)
+    program.set_loss(_HAND, Loss(), inliers.astype(float))
+    x = program.solve().x
+    prior = np.sum(program.residuals(_HAND + 1, x) ** 2) if len(known) else 0.0
+    return float(np.sum(program.residuals(_HAND, x)[:, inliers] ** 2) + prior)

@@ -25,7 +25,7 @@ _WAYS = np.vstack([np.eye(3), -np.eye(3)])
 
 
 def body_causes(tree: BodyTree, names: tuple[str, ...]) -> tuple[Hypothesis, ...]:
-    """Return what may change: encoders' zeros and gears, markers, places of joints and cameras.
+    """Return what may change: encoders' zeros and gears, markers, joints, cameras, their focus.
 
     A joint's frame turned about its own axis is another zero of its encoder. A gear changes about
     the zero at which it was mounted: both of its numbers move. What sits beyond a joint that was
@@ -52,7 +52,7 @@ def body_causes(tree: BodyTree, names: tuple[str, ...]) -> tuple[Hypothesis, ...
     single = [
         simple_hypothesis(cause, own, names) for cause, own in found if set(own) <= set(names)
     ]
-    return (*single, *_carried_together(tree, names))
+    return (*single, *_focal_lengths(tree, names), *_carried_together(tree, names))
 
 
 def body_changes(tree: BodyTree, causes: tuple[Hypothesis, ...]) -> MonitoredChanges:
@@ -87,6 +87,17 @@ def body_changes(tree: BodyTree, causes: tuple[Hypothesis, ...]) -> MonitoredCha
 
 def _parts(name: str, parts: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f"{name}.{part}" for part in parts)
+
+
+def _focal_lengths(tree: BodyTree, names: tuple[str, ...]) -> Iterator[Hypothesis]:
+    """Yield that a camera's focal lengths changed by one share: zoom or focus were turned."""
+    for camera, lens in tree.lenses.items():
+        values = {f"{camera}.{part}": lens.named_values[part] for part in ("fx", "fy")}
+        if not values.keys() <= set(names):
+            continue
+        basis = np.zeros((len(names), 1))
+        basis[[names.index(name) for name in values], 0] = list(values.values())
+        yield Hypothesis(f"focal length of camera {camera}", tuple(values), basis)
 
 
 def _carried_together(tree: BodyTree, names: tuple[str, ...]) -> Iterator[Hypothesis]:

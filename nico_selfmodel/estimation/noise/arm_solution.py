@@ -57,7 +57,8 @@ class Linearised:
     names: tuple[str, ...]
     """All parameters, P of them."""
     residuals: NDArray
-    """Measured minus predicted [m]. Shape (N, 3)."""
+    """Measured minus predicted [m], as all below in coordinates in which the sensor errs alike
+    (`Observations.alike`). Shape (N, 3)."""
     jacobian: NDArray
     """Derivatives of the predictions by all parameters. Shape (N, 3, P)."""
     by_angle: NDArray
@@ -66,6 +67,8 @@ class Linearised:
     """What disturbs the rows."""
     whitening: PoseWhitening
     """of the inlier rows."""
+    stretch: NDArray | None = field(default=None, kw_only=True)
+    """`Observations.stretch`, which leads back into space."""
 
     @classmethod
     def at(
@@ -94,15 +97,30 @@ class Linearised:
     ) -> "Linearised":
         """Linearise as `at` does, of rows that were grouped, and perhaps predicted, before."""
         p, jacobian = predicted or observations.predicted(parameters)
+        jacobian = observations.alike(jacobian)
         by_angle = slopes_by_angle(parameters, jacobian)
         return cls(
             parameters.names,
-            observations.p_WH - p,
+            observations.alike((observations.p_WH - p)[:, :, None])[:, :, 0],
             jacobian,
             by_angle,
             noise,
             PoseWhitening(groups, by_angle, noise),
+            stretch=observations.stretch,
         )
+
+    @property
+    def by_angle_in_space(self) -> NDArray:
+        """Derivatives of the points by the joint angles [m/rad]. Shape (N, 3, n)."""
+        return self.by_angle if self.stretch is None else self.stretch @ self.by_angle
+
+    @property
+    def sensor_variance(self) -> float:
+        """Variance of a measured coordinate by the sensor, mean over the rows that count [m^2]."""
+        alone = self.noise.sensor_sigma**2
+        if self.stretch is None:
+            return alone
+        return alone * float(np.mean(np.sum(self.stretch[self.rows] ** 2, axis=(1, 2)))) / 3.0
 
     def with_noise(self, noise: PoseNoise) -> "Linearised":
         """Return the same with other noise."""
@@ -176,7 +194,7 @@ def uncertainty_of(
     if known.any():
         U = np.vstack([U, np.diag(np.sqrt(known))[known > 0.0]])
     found = Uncertainty.from_jacobian(names, U, scales, squares, count)
-    levers = np.mean(np.sum(linear.by_angle**2, axis=1), axis=0)
+    levers = np.mean(np.sum(linear.by_angle_in_space**2, axis=1), axis=0)
     return without_levers(found, parameters, scales, coordinate_sigma(linear), levers)
 
 
@@ -206,8 +224,8 @@ def without_levers(
 
 def coordinate_sigma(linear: Linearised) -> float:
     """Return the standard deviation of a coordinate, rms over the rows that count [m]."""
-    moved = linear.by_angle[linear.whitening.groups.rows] * linear.noise.joint_sigma
-    variance = linear.noise.sensor_sigma**2 + np.mean(np.sum(moved**2, axis=(1, 2))) / 3.0
+    moved = linear.by_angle_in_space[linear.rows] * linear.noise.joint_sigma
+    variance = linear.sensor_variance + np.mean(np.sum(moved**2, axis=(1, 2))) / 3.0
     return float(np.sqrt(variance))
 
 

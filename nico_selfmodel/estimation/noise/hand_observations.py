@@ -213,7 +213,10 @@ def _by_pixels(model: SelfModel, dataset: Dataset) -> HandObservations:
     block = HandPixels(observations, model.parameters, rig.lenses)
     sensor = dataset.pixel_sigma_px or model.pixel_sigma
     if sensor is None:
-        raise ModelError(f"self-model {model.name!r} states no pixel_sigma_px: learn it anew")
+        raise ModelError(
+            f"neither self-model {model.name!r} nor data set {dataset.name!r} states what a pixel "
+            "is uncertain by: write pixel_sigma_px into the dataset.yaml of the latter"
+        )
     noise = HandNoise(sensor, float(model.fit.get(JOINT_SIGMA, 0.0)))
     x = np.concatenate([model.parameters.values, rig.values])
     return HandObservations(block, x, noise, observations.arm.sample)

@@ -236,6 +236,7 @@ class _ArmBlock(SummedBlock):
         p, jacobian = self.predicted(x)
         missed = (p - self.observations.p_WH)[:, :, None]
         both = np.concatenate([missed, jacobian[:, :, self.columns]], axis=2)
+        both = self.observations.alike(both)
         return self.whitening.counted(self.whitening.root(groups.gather(both)))
 
 

@@ -197,8 +197,10 @@ class PoseSums:
                 g[f] += part.T @ own
                 coordinates[f] += len(own)
             squares += float(u @ u)
-            levers += np.sum(linear.by_angle**2, axis=(0, 1))
-            moved += float(np.sum((linear.by_angle[groups.rows] * noise.joint_sigma) ** 2)) / 3.0
+            by_angle, told = linear.by_angle_in_space, len(groups.rows)
+            levers += np.sum(by_angle**2, axis=(0, 1))
+            moved += float(np.sum((by_angle[groups.rows] * noise.joint_sigma) ** 2)) / 3.0
+            moved += told * (linear.sensor_variance - noise.sensor_sigma**2)
         count = max(int(keep.sum()), 1)
         levers /= len(observations)
         return cls(H, g, coordinates, squares, levers, moved / count, fold[keep])

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.sweeps import find_sweeps
 from nico_selfmodel.errors import ModelError
+from nico_selfmodel.estimation.noise.hand_noise import noise_covariance
 from nico_selfmodel.estimation.noise.hand_observations import covariance_of, hand_observations_of
 from nico_selfmodel.estimation.noise.mixture_fit import most_likely_mixture
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
-from nico_selfmodel.model.arm.dh_parameters import M0_NAMES
 from nico_selfmodel.model.noise_mixture import LARGEST_SENSOR, NoiseMixture
 from nico_selfmodel.model.self_model import SelfModel
 
@@ -42,22 +42,21 @@ def with_training_noise(
     dataset: Dataset,
     sensor: str,
     outliers: NDArray,
-    point_sigma: float = 0.0,
+    joint_sigma: NDArray | None = None,
 ) -> SelfModel:
     """Return a model that says what noise its training left, in `fit.noise`.
 
     Args:
         sensor: By which the poses are judged, `points` or `pixels`.
         outliers: Samples that the solver set aside. Shape (k,).
-        point_sigma: Noise of the points that it was fitted to, where those were made of the pixels
-            [m]; they then weighed the coordinates.
+        joint_sigma: Noise of each joint that weighed the poses, where the model was fitted to
+            points that were made of the pixels [rad]; what the model says of it if omitted. (n,).
     """
     observations = hand_observations_of(model, _judged(dataset), sensor)
     poses = PoseResiduals.of(observations)
     weighed = observations.noise.covariance(poses.by_angle)
-    if point_sigma:
-        by_place = poses.slopes[:, :, [poses.names.index(name) for name in M0_NAMES[:3]]]
-        weighed = weighed + point_sigma**2 * by_place @ np.swapaxes(by_place, 1, 2)
+    if joint_sigma is not None:
+        weighed = noise_covariance(poses.by_angle, observations.noise.sensor_sigma, joint_sigma)
     fitted = poses.slopes @ covariance_of(model, poses.names) @ np.swapaxes(poses.slopes, 1, 2)
     own = without_itself(poses, fitted, weighed)
     aside = np.isin(poses.sample, outliers)

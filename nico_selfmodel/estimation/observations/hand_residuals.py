@@ -85,7 +85,10 @@ class LineResiduals:
 
 
 class DhResiduals:
-    """(predicted - measured) / sigma over Denavit-Hartenberg parameters, for pins by name."""
+    """(predicted - measured) / sigma over Denavit-Hartenberg parameters, for pins by name.
+
+    In coordinates in which the sensor errs alike, `Observations.alike`.
+    """
 
     def __init__(self, observations: Observations, start: DhParameters, sigma: float) -> None:
         """Prepare the residuals.
@@ -100,5 +103,6 @@ class DhResiduals:
     def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
         """Return residuals, shape (3, N), and derivatives, shape (P, 3, N)."""
         p, jacobian = self._observations.predicted(self._start.with_values(x))
-        residuals = (p - self._observations.p_WH).T / self._sigma
-        return residuals, np.transpose(jacobian, (2, 1, 0)) / self._sigma
+        missed = (p - self._observations.p_WH)[:, :, None]
+        residuals = self._observations.alike(missed)[:, :, 0].T / self._sigma
+        return residuals, np.transpose(self._observations.alike(jacobian), (2, 1, 0)) / self._sigma

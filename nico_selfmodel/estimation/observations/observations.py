@@ -1,6 +1,6 @@
 """Measured points of a data set, in the form that the estimators of the arm work on."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,9 @@ class Observations:
     """How each encoder angle last moved, -1 or 1; 0 where it is not known. Shape (N, n)."""
     units: ServoMap
     """Units of the encoders, as the data set states them; offset 0 and gear 1."""
+    stretch: NDArray | None = field(default=None, kw_only=True)
+    """L of each row, LL' what its point is uncertain by over the variance of a typical coordinate;
+    None where all coordinates are alike, as a tracker measures them. Shape (N, 3, 3)."""
 
     @classmethod
     def from_dataset(
@@ -108,8 +111,26 @@ class Observations:
 
     def select(self, keep: NDArray) -> "Observations":
         """Return the chosen rows. `keep` is a boolean mask or an index."""
-        arrays = ("angles", "marker", "p_WH", "sample", "pose", "visit", "rows", "approach")
+        arrays = ["angles", "marker", "p_WH", "sample", "pose", "visit", "rows", "approach"]
+        if self.stretch is not None:
+            arrays.append("stretch")
         return replace(self, **{name: getattr(self, name)[keep] for name in arrays})
+
+    def with_spread(self, covariances: NDArray) -> "Observations":
+        """Return the same of a sensor that is not alike in all directions.
+
+        Args:
+            covariances: Of each point, over the variance of a typical coordinate. (N, 3, 3).
+        """
+        return replace(self, stretch=np.linalg.cholesky(covariances))
+
+    def alike(self, columns: NDArray) -> NDArray:
+        """Return columns of the rows' points in coordinates in which the sensor errs alike.
+
+        Args:
+            columns: In space [m, or m by some parameter]. Shape (N, 3, m).
+        """
+        return columns if self.stretch is None else np.linalg.solve(self.stretch, columns)
 
     def predicted(self, arm: DhParameters) -> tuple[NDArray, NDArray]:
         """Return where an arm has the tracked points, as `DhParameters.predict`."""

@@ -1,5 +1,8 @@
 """Unobservable directions in words, with what would cure them."""
 
+from collections.abc import Collection, Sequence
+
+from nico_selfmodel.names import listed
 from nico_selfmodel.optimization.uncertainty import UnobservableDirection
 
 _MEANING = {
@@ -43,6 +46,36 @@ def name_unobservable(direction: UnobservableDirection) -> str:
     else:
         words += " has no effect on what was measured"
     return words
+
+
+def why_so_few_are_refused(
+    found: str, directions: Sequence[UnobservableDirection], zeros: Collection[str]
+) -> str:
+    """Say in a line what few poses leave open of what is learned anew, and what would tell it.
+
+    A joint beyond all that was seen moves nothing of it, however many poses there are.
+
+    Args:
+        found: What there is, with its verb: "5 poses are".
+        directions: What it does not tell, at least one.
+        zeros: Parameters that are zeros of joints.
+    """
+    still = [one for one in directions if len(one.names) == 1 and one.names[0] in zeros]
+    joined = [one for one in directions if one not in still]
+    words = []
+    if joined:
+        named = "; ".join(name_unobservable(one) for one in joined)
+        words = [
+            f"{found} too few or too alike: {named}: record more poses, spread over the workspace"
+        ]
+    if still:
+        named = listed([f"`{one.names[0]}`" for one in still])
+        words.append(
+            f"no number of poses tells {named}, for these joints move nothing that was seen: "
+            "record a marker beyond them and off their axes, or name the joints whose zeros are "
+            "lost by --joint"
+        )
+    return "; ".join(words)
 
 
 def _meaning(name: str) -> str:

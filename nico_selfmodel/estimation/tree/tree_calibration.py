@@ -41,6 +41,7 @@ from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.guesses.lens_guess import PARTS, guessed_lenses
 from nico_selfmodel.estimation.tree.guesses.start_search import FoundStart, agreeing, searched_start
 from nico_selfmodel.estimation.tree.known.described_scale import DescribedScale, doubting
+from nico_selfmodel.estimation.tree.known.known_poses import with_known_poses
 from nico_selfmodel.estimation.tree.known.lens_parts import LensPart
 from nico_selfmodel.estimation.tree.timing.late_sensors import late_sensors
 from nico_selfmodel.estimation.tree.tree_errors import (
@@ -221,7 +222,8 @@ def calibrate_tree(
             units or values that it is told, or nothing stands for the world.
         ValueError: If a name does not exist.
     """
-    clock, wishes = time.perf_counter(), wishes or Wishes()
+    clock = time.perf_counter()
+    wishes = with_known_poses(data, description, wishes or Wishes())
     by_boards, inside = lenses_by_boards(data, lenses or {})
     told = {**by_boards, **(lenses or {})}
     guessed = guessed_lenses(data, told, description, seed)

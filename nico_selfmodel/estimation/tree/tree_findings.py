@@ -70,7 +70,8 @@ _OUTLIERS_NAMED = 2
 """Outliers of one marker from which on it is named."""
 SCALE = (
     "scale: nothing in the data tells lengths, a body twice as large at twice the distance looks "
-    "the same; record a known distance (`distance_m`), a tracker, or fix one length"
+    "the same; record a known distance (`distance_m`), a tracker, or fix one length, as that of "
+    "calibrated cameras from each other (`--cameras`)"
 )
 """What is said where everything could be larger."""
 

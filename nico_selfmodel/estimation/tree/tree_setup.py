@@ -92,6 +92,8 @@ class Wishes:
     """Fixed and freed parameters."""
     priors: Priors = field(default_factory=dict)
     """What is known of some."""
+    by_poses: frozenset[str] = frozenset()
+    """Names among both that the recording's known poses of sensors tell, not the user."""
 
     def __post_init__(self) -> None:
         """Refuse what is known for sure and not so surely."""
@@ -221,7 +223,7 @@ def setup_of(
     if description is None:
         refuse_frames(parameters.base, held)
     refuse_planes(data, held)
-    world = _world_of(data, description)
+    world = world_of(data, description)
     free, priors = set[str](), dict[str, tuple[float, float]]()
     moving = moving_joints(data, parameters)
     for i, joint in enumerate(data.joints):
@@ -303,7 +305,7 @@ def moving_joints(data: BodyDataset, parameters: TreeParameters) -> NDArray:
     return np.asarray(((beyond[seen] != beyond[seeing]) | both).any(axis=0))
 
 
-def _world_of(data: BodyDataset, description: Description | None) -> str:
+def world_of(data: BodyDataset, description: Description | None) -> str:
     """Return what stands for the world: all else is placed against it."""
     known = [m.name for m in data.markers if m.xyz is not None and m.on == WORLD_NAME]
     if known and description is not None:

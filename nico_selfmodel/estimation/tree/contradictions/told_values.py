@@ -64,7 +64,8 @@ def _without(wishes: Wishes, names: Collection[str]) -> Wishes:
     pinned = {n: v for n, v in wishes.pins.pinned.items() if n not in names}
     freed = wishes.pins.freed | frozenset(names)
     priors = {n: p for n, p in wishes.priors.items() if n not in names}
-    return Wishes(replace(wishes.pins, pinned=pinned, freed=freed), priors)
+    pins = replace(wishes.pins, pinned=pinned, freed=freed)
+    return replace(wishes, pins=pins, priors=priors)
 
 
 def _words(wrong: list[str], wishes: Wishes, freed: TreeStart) -> str:
@@ -77,7 +78,13 @@ def _words(wrong: list[str], wishes: Wishes, freed: TreeStart) -> str:
         is_told = f"fixed at {value:g}" if known is None else f"said to be {known[0]:g}"
         unit = "" if units[name] == "1" else f" {units[name]}"
         said.append(f"{name} is {is_told}{unit}, the data ask for {wanted[name]:.3g}")
-        options.append(f"--{'fix' if known is None else 'prior'} {name}")
+        if name in wishes.by_poses:
+            options.append(
+                f"the known `pose` of {name.rpartition('.')[0]} (of --cameras, if given)"
+            )
+        else:
+            options.append(f"--{'fix' if known is None else 'prior'} {name}")
+    options = list(dict.fromkeys(options))
     return (
         f"{'; '.join(said)}: they contradict each other; correct what was told, or leave out "
         f"{listed(options)}"

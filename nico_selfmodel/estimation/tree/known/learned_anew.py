@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.blas_threads import on_one_blas_thread
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import NotIdentifiableError
-from nico_selfmodel.estimation.results.unobservable_words import name_unobservable
+from nico_selfmodel.estimation.results.unobservable_words import why_so_few_are_refused
 from nico_selfmodel.estimation.tree.contradictions.wrong_readings import read_wrongly, seen_wrongly
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.known.known_with_errors import (
@@ -118,11 +118,9 @@ def learn_anew(
         begin=begin,
     )
     if open_ways := found.uncertainty.unobservable:
-        words = "; ".join(name_unobservable(direction) for direction in open_ways)
-        raise NotIdentifiableError(
-            f"{len(told.sample)} poses are too few or too alike: {words}: record more poses, "
-            "spread over the workspace"
-        )
+        zeros = [f"{joint}.{part}" for joint in tree.joints for part in ("rz", "z")]
+        count = f"{len(told.sample)} poses are"
+        raise NotIdentifiableError(why_so_few_are_refused(count, open_ways, zeros))
     return _with_errors_of_body(found, _without(model.covariance, found.uncertainty.names))
 
 
