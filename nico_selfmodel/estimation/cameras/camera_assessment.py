@@ -25,7 +25,7 @@ from nico_selfmodel.estimation.cameras.lenses.lens_misfit import (
     lens_fields,
     lens_misfits,
 )
-from nico_selfmodel.estimation.cameras.parts_of_boards import joined
+from nico_selfmodel.estimation.cameras.parts_of_boards import joined, turned_to_fit
 from nico_selfmodel.estimation.cameras.projection_uncertainty import ProjectionUncertainty
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL, RATIONAL
 from nico_selfmodel.model.self_model import SelfModel
@@ -104,7 +104,7 @@ class CameraAssessment:
         if left_out is None or not inliers.all():
             left_out = cross_validate_cameras(calibration, options, inliers)
         if test is not None and len(test.cameras) > 1:
-            test = joined(test, calibration.cameras)
+            test = joined(turned_to_fit(test, calibration.cameras), calibration.cameras)
         test, beyond = _within_reach(calibration, test)
         shown = test if test is not None else views.select(inliers)
         misfits = lens_misfits(calibration, options.aspect)

@@ -17,6 +17,9 @@ polynomial with both leaves nothing in common and gains, no other lens is tried.
 Cameras of a rig have one lens, unless they are not alike: images of other sizes, or angles of view
 that differ by a fifth. Then the lenses that the boards of each camera by itself tell stand for
 choice, too.
+
+Where cameras are no rigid pair, and their board equals itself half a turn on, all is tried with it
+half a turn on in some of them: they may be rolled against each other.
 """
 
 from dataclasses import dataclass, replace
@@ -40,7 +43,7 @@ from nico_selfmodel.estimation.cameras.lenses.lens_evidence import (
     misfits_of,
     needed_of,
 )
-from nico_selfmodel.estimation.cameras.parts_of_boards import told_places
+from nico_selfmodel.estimation.cameras.parts_of_boards import told_places, with_half_turns
 from nico_selfmodel.estimation.results.calibration_result import finite
 from nico_selfmodel.model.cameras.projection import FISHEYE, LENSES, POLYNOMIAL, RATIONAL
 from nico_selfmodel.names import listed
@@ -111,7 +114,27 @@ def lens_of(views: BoardViews, options: CameraOptions) -> LensChoice:
         DataError, EstimationError, ModelError, ValueError: As `calibrate_cameras`, of the lens
             that was asked for, or where the boards can be learned from with no lens at all.
     """
-    views = _told(views.placeable(), options)
+    views = views.placeable()
+    try:
+        return _of_told(_told(views, options), options)
+    except EstimationError:
+        turned = with_half_turns(views)
+        found = None if turned is None else _half_a_turn_on(turned, options)
+        if found is None:
+            raise
+        return found
+
+
+def _half_a_turn_on(views: BoardViews, options: CameraOptions) -> LensChoice | None:
+    """Return the lens of cameras that have boards half a turn on; None where that is no cure."""
+    try:
+        return _of_told(_told(views, options), options)
+    except (EstimationError, ModelError):
+        return None
+
+
+def _of_told(views: BoardViews, options: CameraOptions) -> LensChoice:
+    """Return the lens of cameras that have boards alike."""
     if options.lens != AUTO:
         return _compared(views, options)
     return replace(_chosen_by_boards(views, options), by_boards=True)
