@@ -74,3 +74,11 @@ def test_pairs_that_do_not_belong_together_are_refused_as_before():
     pixels[:, :, 2:] = np.roll(pixels[:, :, 2:], 3, axis=0)
     with pytest.raises(EstimationError, match="no rigid pair"):
         lens_of(replace(views, pixels=pixels), PLAIN)
+
+
+def test_boards_are_not_turned_where_some_pictures_belong_to_no_other():
+    views = of_even_boards(pictures(boards(10), 0.2))
+    pixels = numbered_from_the_end(views, np.arange(10)).pixels.copy()
+    pixels[[2, 5], :, 2:] = pixels[[5, 2], :, 2:]
+    with pytest.raises(EstimationError, match="no rigid pair"):
+        lens_of(replace(views, pixels=pixels), PLAIN)

@@ -94,6 +94,13 @@ class EffectTest:
         found._r = found._without(self._r[:, None])[:, 0]
         return found
 
+    def decentring(self) -> list[NDArray]:
+        """Return columns by p1 and p2 of each camera in which they are held. Shapes (V, 2, k)."""
+        names, free = self._block.shared_names, set(self.calibration.names)
+        pairs = [(f"{c}.p1", f"{c}.p2") for c in self.calibration.views.cameras]
+        held = [pair for pair in pairs if set(pair) <= set(names) - free]
+        return [self._parts[1][:, [names.index(name) for name in pair]] for pair in held]
+
     def squares_of(self, columns: NDArray) -> float:
         """Return the squares that columns explain, in those of one coordinate. Shape (V, m, k)."""
         basis = _basis_of(self._without(self._beyond_boards(columns)))

@@ -3,7 +3,8 @@
 Each is held against the residuals by `EffectTest`. The one that explains most is taken, and all are
 held against what it leaves, until none is certain and notable any more: a board of another shape
 also looks a little like another lens, and like a camera that moved. Where a lens bends light as its
-model does not, its fields stand among them, so that nothing else is blamed for it.
+model does not, its fields stand among them, and p1 and p2 where they are held, so that nothing else
+is blamed for these.
 """
 
 from collections.abc import Iterator
@@ -79,7 +80,7 @@ def lacks_of(
     if not calibration.residuals.size or not np.nanmax(np.abs(calibration.residuals)) > 0.0:
         return ()
     test, found = EffectTest(calibration, aspect), []
-    fields = list(lens_fields)
+    fields = [*test.decentring(), *lens_fields]
     while len(found) < _MOST:
         told = [c for c in _candidates(test) if is_told(c[2])]
         if not told:

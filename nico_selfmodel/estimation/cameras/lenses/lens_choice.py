@@ -11,8 +11,9 @@ out; so they are where a rational lens ends before light does, and corners do no
 that was asked for is wrong where another one is far likelier, by the same measure.
 
 Where p1 and p2, held at zero, would explain more of the residuals than chance does, all is tried
-with both free, too: the lens is decentred if boards that were left out gain by that. Where the
-polynomial with both leaves nothing in common and gains, no other lens is tried.
+with both free, too: the lens is decentred if boards that were left out gain by that, or do no worse
+while corners are far likelier (`is_wrong`). Where the polynomial with both leaves nothing in common
+and is taken, no other lens is tried.
 
 Cameras of a rig have one lens, unless they are not alike: images of other sizes, or angles of view
 that differ by a fifth. Then the lenses that the boards of each camera by itself tell stand for
@@ -126,9 +127,13 @@ def lens_of(views: BoardViews, options: CameraOptions) -> LensChoice:
 
 
 def _half_a_turn_on(views: BoardViews, options: CameraOptions) -> LensChoice | None:
-    """Return the lens of cameras that have boards half a turn on; None where that is no cure."""
+    """Return the lens of cameras that have boards half a turn on; None where that is no cure.
+
+    It is one where all of them fit then; pictures that belong to no other are no cause for it.
+    """
     try:
-        return _of_told(_told(views, options), options)
+        told = _told(views, options)
+        return _of_told(told, options) if len(told) == len(views) else None
     except (EstimationError, ModelError):
         return None
 
@@ -152,9 +157,9 @@ def _chosen_by_boards(views: BoardViews, options: CameraOptions) -> LensChoice:
 
 
 def _gaining(views: BoardViews, choice: LensChoice, freed: LensChoice) -> LensChoice:
-    """Return the lens with p1 and p2 if boards that were left out gain by them, or without."""
+    """Return the lens with p1 and p2 where the one without is wrong, or without."""
     before, after = (evidence_of(views, one.options, one.calibration) for one in (choice, freed))
-    if after is not None and (before is None or before.worse_than(after)):
+    if after is not None and (before is None or is_wrong(before, after)):
         return replace(freed, left_out=after.residuals)
     return choice if before is None else replace(choice, left_out=before.residuals)
 
