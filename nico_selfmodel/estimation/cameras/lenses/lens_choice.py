@@ -11,9 +11,8 @@ out; so they are where a rational lens ends before light does, and corners do no
 that was asked for is wrong where another one is far likelier, by the same measure.
 
 Where p1 and p2, held at zero, would explain more of the residuals than chance does, all is tried
-with both free, too: the lens is decentred if boards that were left out gain by that, or do no worse
-while corners are far likelier (`is_wrong`). Where the polynomial with both leaves nothing in common
-and is taken, no other lens is tried.
+with both free, too: the lens is decentred if boards that were left out gain by that (`gains_by`).
+Where the polynomial with both leaves nothing in common and gains, no other lens is tried.
 
 Cameras of a rig have one lens, unless they are not alike: images of other sizes, or angles of view
 that differ by a fifth. Then the lenses that the boards of each camera by itself tell stand for
@@ -38,6 +37,7 @@ from nico_selfmodel.estimation.cameras.lenses.lens_evidence import (
     LensEvidence,
     asks_for_others,
     evidence_of,
+    gains_by,
     is_likelier,
     is_wrong,
     leaves_doubt,
@@ -157,9 +157,9 @@ def _chosen_by_boards(views: BoardViews, options: CameraOptions) -> LensChoice:
 
 
 def _gaining(views: BoardViews, choice: LensChoice, freed: LensChoice) -> LensChoice:
-    """Return the lens with p1 and p2 where the one without is wrong, or without."""
+    """Return the lens with p1 and p2 if boards that were left out gain by them, or without."""
     before, after = (evidence_of(views, one.options, one.calibration) for one in (choice, freed))
-    if after is not None and (before is None or is_wrong(before, after)):
+    if after is not None and (before is None or gains_by(before, after)):
         return replace(freed, left_out=after.residuals)
     return choice if before is None else replace(choice, left_out=before.residuals)
 
