@@ -203,12 +203,13 @@ def gains_by(own: LensEvidence, more: LensEvidence) -> bool:
     """Tell whether boards that were left out gain by numbers more: a hundredth, and for sure.
 
     Sure is what two standard errors say, or corners that are far likelier besides (`is_wrong`), of
-    a lens that folds no image.
+    a lens that folds no image that the other one does not.
     """
     if own.worse_than(more):
         return True
-    found, gain = more.calibration, float((own.left_out - more.left_out).mean())
-    sound = not more.flawed and not folds_of(found.views.cameras, found.cameras)
+    names, gain = own.calibration.views.cameras, float((own.left_out - more.left_out).mean())
+    before, after = (set(folds_of(names, one.calibration.cameras)) for one in (own, more))
+    sound = not more.flawed and after <= before
     return sound and gain > _GAIN and is_wrong(own, more)
 
 
