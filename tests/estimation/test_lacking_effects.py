@@ -136,13 +136,13 @@ def test_a_camera_that_zooms_half_way_fails_with_view_and_share(seed):
 def test_a_pair_of_pictures_that_is_out_of_step_is_named(seed):
     X_LG = boards(16, seed)
     moved = X_LG.copy()
-    moved[5, :3, 3] += [0.003, 0.0, 0.0]
+    moved[5, :3, 3] += [0.005, 0.0, 0.0]
     moved[5, :3, :3] = rotation_from_vector([0.0, 0.01, 0.0]) @ moved[5, :3, :3]
     both = seen(X_LG, seed).pixels.copy()
     both[:, :, 2:] = seen(moved, seed).pixels[:, :, 2:]
     (lack, *_), verdict = of(replace(seen(X_LG, seed), pixels=both))
     assert (lack.kind, lack.camera, lack.view) == (ASIDE, "right", "05")
-    assert lack.amount == pytest.approx(0.003, abs=0.0015)
+    assert lack.amount == pytest.approx(0.005, abs=0.0015)
     assert np.degrees(lack.turn) == pytest.approx(np.degrees(0.01), abs=0.25)
     assert any("in view 05 the right camera saw the board" in reason for reason in verdict.reasons)
 
@@ -257,7 +257,7 @@ def test_an_effect_fails_where_it_is_sure_and_large_and_warns_below(pair, change
     words = "the board is longer in x"
     assert any(words in reason for reason in verdict.reasons) is fails
     assert any(words in warning for warning in verdict.warnings) is not fails
-    assert (LARGE, SURE) == (4.0, 1e-4)
+    assert (LARGE, SURE) == (5.0, 1e-4)
 
 
 @pytest.mark.parametrize(
@@ -279,7 +279,7 @@ def test_a_board_of_another_shape_is_told_in_place_of_the_lens_that_it_looks_lik
     misfit = LensMisfit("left", 20.0, 0.6, 0.3, ())
     for kind, hidden in ((BEND, True), (ZOOMED, True), (MOVED, False)):
         lack = replace(BOARD, kind=kind, camera="left", view="03")
-        for off, fails in ((10.0, True), (3.5, False)):
+        for off, fails in ((10.0, True), (4.5, False)):
             told = judge(replace(pair, misfits=(misfit,), lacks=(replace(lack, off=off),)))
             lens = any("bends light as its model does not" in r for r in told.reasons)
             assert lens is not (hidden and fails)

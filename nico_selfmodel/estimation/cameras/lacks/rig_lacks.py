@@ -21,9 +21,10 @@ STRETCH, SKEW, BEND, MOVED, ZOOMED, ASIDE = "stretch", "skew", "bend", "moved", 
 CHANCE, SURE = 1e-3, 1e-4
 """How often chance may do so much, at any place that was looked at, to be mentioned, and to fail:
 of sound sets, each held against up to nine effects, one in a thousand is failed at most."""
-NOTABLE, LARGE = 3.0, 4.0
+NOTABLE, LARGE = 3.0, 5.0
 """Printed standard deviations that cameras are put off by it, from which on it is mentioned, and
-fails: within three of them a number may be off by chance."""
+fails: within three of them a number may be off by chance, and a real board that is 0.7 mm out of
+its plane, with some corners found pixels off, puts cameras off by four."""
 SHARE = 0.01
 """Share of the squared residuals that it must explain: of less no picture shows anything."""
 _MOST = 3
