@@ -18,8 +18,10 @@ from nico_selfmodel.estimation.cameras.lenses.lens_misfit import lens_misfits
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 from ..slow_rest import slow_rest
+from .simulated_boards import RIG, boards, pictures
 from .wide_boards import P_GQ, SIZE, wide_camera, wide_views
 
 SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
@@ -71,6 +73,21 @@ def test_a_decentred_lens_has_its_p1_and_p2_let_move(seed):
     verdict = judge(assessment)
     assert verdict.status == "PASS"
     assert any("decentred: p1 and p2 of left" in reason for reason in verdict.reasons)
+
+
+@pytest.mark.parametrize(("p1", "seed"), slow_rest([(1.5e-3, 3), (1.5e-3, 7), (2e-3, 4)], 1))
+def test_p1_and_p2_are_let_move_where_boards_gain_not_for_sure_but_corners_are_far_likelier(
+    p1, seed
+):
+    aside = StereoRig(replace(RIG.left, p1=p1, p2=-1.5 * p1), RIG.right)
+    views = pictures(boards(14, seed), 0.5, seed, aside).only("left")
+    held, free = (
+        lens_evidence.evidence_of(views, CameraOptions(tangential=moves)) for moves in (False, True)
+    )
+    assert not held.worse_than(free)
+    assert lens_evidence.gains_by(held, free)
+    assert not lens_evidence.gains_by(held, replace(free, flawed=True))
+    assert lens_of(views, CameraOptions(lens="auto")).decentred == ("left",)
 
 
 @pytest.mark.slow

@@ -17,10 +17,15 @@ from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibratio
 from nico_selfmodel.estimation.cameras.camera_initialization import within_reach
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions, lens_word
 from nico_selfmodel.estimation.cameras.known_cameras import KnownCameras, other_scale
+from nico_selfmodel.estimation.cameras.lacks.rig_lacks import Lack, lacks_of
 from nico_selfmodel.estimation.cameras.lenses.lens_folds import folds_by_chance, folds_of
 from nico_selfmodel.estimation.cameras.lenses.lens_fractions import with_told_sigmas
-from nico_selfmodel.estimation.cameras.lenses.lens_misfit import LensMisfit, lens_misfits
-from nico_selfmodel.estimation.cameras.parts_of_boards import joined
+from nico_selfmodel.estimation.cameras.lenses.lens_misfit import (
+    LensMisfit,
+    lens_fields,
+    lens_misfits,
+)
+from nico_selfmodel.estimation.cameras.parts_of_boards import joined, turned_to_fit
 from nico_selfmodel.estimation.cameras.projection_uncertainty import ProjectionUncertainty
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL, RATIONAL
 from nico_selfmodel.model.self_model import SelfModel
@@ -63,6 +68,8 @@ class CameraAssessment:
     """Held-out boards beyond the reach of every lens that saw them; not in `test_views`."""
     lens_by_boards: bool = False
     """Whether the boards chose the lens: `--lens auto`."""
+    lacks: tuple[Lack, ...] = ()
+    """What boards and cameras did that the model does not have."""
 
     @classmethod
     def from_calibration(
@@ -97,16 +104,17 @@ class CameraAssessment:
         if left_out is None or not inliers.all():
             left_out = cross_validate_cameras(calibration, options, inliers)
         if test is not None and len(test.cameras) > 1:
-            test = joined(test, calibration.cameras)
+            test = joined(turned_to_fit(test, calibration.cameras), calibration.cameras)
         test, beyond = _within_reach(calibration, test)
         shown = test if test is not None else views.select(inliers)
+        misfits = lens_misfits(calibration, options.aspect)
         return cls(
             calibration,
             left_out,
             test,
             None if test is None else held_out_residuals(calibration.cameras, test),
             pairs_of(calibration, shown),
-            lens_misfits(calibration, options.aspect),
+            misfits,
             tuple(
                 ProjectionUncertainty.of(calibration, camera, options.aspect)
                 for camera in calibration.views.cameras
@@ -117,6 +125,7 @@ class CameraAssessment:
             decentred,
             beyond,
             lens_by_boards,
+            lacks_of(calibration, options.aspect, _fields_of(calibration, misfits)),
         )
 
     def lens_of(self, camera: str) -> str:
@@ -165,6 +174,14 @@ class CameraAssessment:
             *(self.words_of(misfit) for misfit in self.misfits if _is_slight(misfit)),
             *([] if scale is None else [scale]),
         )
+
+
+def _fields_of(
+    calibration: CameraCalibration, misfits: tuple[LensMisfit, ...]
+) -> tuple[NDArray, ...]:
+    """Return how lenses that are no such lens may displace corners. Shapes (V, F, k)."""
+    told = [camera for camera, misfit in enumerate(misfits) if is_notable(misfit)]
+    return tuple(lens_fields(calibration, camera) for camera in told)
 
 
 def _within_reach(

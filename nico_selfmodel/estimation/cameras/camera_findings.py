@@ -17,6 +17,7 @@ from nico_selfmodel.estimation.cameras.camera_assessment import (
     CameraAssessment,
     fails_the_lens,
 )
+from nico_selfmodel.estimation.cameras.lacks.lack_words import words_of_lack
 from nico_selfmodel.estimation.cameras.lenses.lens_folds import folds_by_chance, folds_of
 from nico_selfmodel.estimation.results.calibration_result import (
     FAILURE,
@@ -47,7 +48,8 @@ def camera_findings(assessment: CameraAssessment) -> tuple[Finding, ...]:
     """Return what speaks for and against cameras beyond what every calibration is asked."""
     far, judged = _far_out(assessment)
     failures = [
-        *(assessment.words_of(m) for m in assessment.misfits if fails_the_lens(m)),
+        *(words_of_lack(lack) for lack in assessment.lacks if lack.fails),
+        *_lens_reasons(assessment),
         _better_lens(assessment),
         _beyond_reach(assessment),
         far,
@@ -69,9 +71,17 @@ def camera_findings(assessment: CameraAssessment) -> tuple[Finding, ...]:
         *boards_apart(assessment.calibration),
         *findings(LAST, [_excess_reason(judged)]),
         *_rival_lens(assessment),
+        *findings(WARNING, (words_of_lack(lack) for lack in assessment.lacks if not lack.fails)),
         *findings(WARNING, assessment.warnings),
         *findings(NOTE, said),
     )
+
+
+def _lens_reasons(assessment: CameraAssessment) -> list[str]:
+    """Say which lenses bend light as their model does not, unless the board or a zoom is why."""
+    if any(lack.fails and lack.bends_images for lack in assessment.lacks):
+        return []
+    return [assessment.words_of(m) for m in assessment.misfits if fails_the_lens(m)]
 
 
 def _better_lens(assessment: CameraAssessment) -> str | None:

@@ -6,6 +6,9 @@ the same board: the right one of all places is where the first camera's board pu
 corners. Where no view of a whole board says how cameras stand to each other, all views vote: the
 right places give one relative pose X_CD = X_CG G X_DG^-1 in each view, with G the move between two
 places; wrong ones give one that hangs on how the board was held.
+
+A whole board of two even or two odd numbers of corners is half a turn on what it is: cameras of
+which one is rolled, or hangs upside down, number its corners from opposite ends.
 """
 
 from collections.abc import Iterator, Sequence
@@ -52,6 +55,38 @@ def told_places(views: BoardViews, placed: Sequence[Placed]) -> tuple[BoardViews
         X_WC[new] = X_WC[known] @ _voted(views.pair(known, new), poses)
     whole = joined(views, [by_name[name][0].at(X_WC[name]) for name in views.cameras])
     return whole, [(camera, _before(whole, name, camera)) for name, (camera, _) in by_name.items()]
+
+
+def with_half_turns(views: BoardViews) -> BoardViews | None:
+    """Return views in which cameras other than the first may have boards half a turn on.
+
+    None where there is one camera, or boards that are something else half a turn on.
+    """
+    nodes, columns, rows = lattice_of(views.p_GQ)
+    full = len(np.unique(nodes, axis=0)) == columns * rows == len(views.p_GQ)
+    if len(views.cameras) < 2 or not full or len(places_of(nodes, columns, rows)) < 2:
+        return None
+    seen = np.asarray(views.seen.any(axis=2))
+    others = np.arange(len(views.cameras)) > 0
+    return replace(views, loose=views.loose | (seen & others))
+
+
+def turned_to_fit(views: BoardViews, cameras: Sequence[Camera]) -> BoardViews:
+    """Return views in which boards lie half a turn on where only so they fit in all cameras.
+
+    Args:
+        cameras: As they stand, in the order of `views.cameras`.
+    """
+    free = with_half_turns(views)
+    if free is None:
+        return views
+    pixels = np.array(views.pixels)
+    several = views.seen.any(axis=2).sum(axis=1) > 1
+    for v in np.flatnonzero(several & ~views.loose.any(axis=1)).tolist():
+        told = [found for found, left in _ways(free, cameras, v) if not left.any()]
+        if told:
+            pixels[v] = told[0]
+    return replace(views, pixels=pixels)
 
 
 def _before(views: BoardViews, name: str, camera: Camera) -> NDArray:

@@ -11,12 +11,15 @@ out; so they are where a rational lens ends before light does, and corners do no
 that was asked for is wrong where another one is far likelier, by the same measure.
 
 Where p1 and p2, held at zero, would explain more of the residuals than chance does, all is tried
-with both free, too: the lens is decentred if boards that were left out gain by that. Where the
-polynomial with both leaves nothing in common and gains, no other lens is tried.
+with both free, too: the lens is decentred if boards that were left out gain by that (`gains_by`).
+Where the polynomial with both leaves nothing in common and gains, no other lens is tried.
 
 Cameras of a rig have one lens, unless they are not alike: images of other sizes, or angles of view
 that differ by a fifth. Then the lenses that the boards of each camera by itself tell stand for
 choice, too.
+
+Where cameras are no rigid pair, and their board equals itself half a turn on, all is tried with it
+half a turn on in some of them: they may be rolled against each other.
 """
 
 from dataclasses import dataclass, replace
@@ -34,13 +37,14 @@ from nico_selfmodel.estimation.cameras.lenses.lens_evidence import (
     LensEvidence,
     asks_for_others,
     evidence_of,
+    gains_by,
     is_likelier,
     is_wrong,
     leaves_doubt,
     misfits_of,
     needed_of,
 )
-from nico_selfmodel.estimation.cameras.parts_of_boards import told_places
+from nico_selfmodel.estimation.cameras.parts_of_boards import told_places, with_half_turns
 from nico_selfmodel.estimation.results.calibration_result import finite
 from nico_selfmodel.model.cameras.projection import FISHEYE, LENSES, POLYNOMIAL, RATIONAL
 from nico_selfmodel.names import listed
@@ -111,7 +115,31 @@ def lens_of(views: BoardViews, options: CameraOptions) -> LensChoice:
         DataError, EstimationError, ModelError, ValueError: As `calibrate_cameras`, of the lens
             that was asked for, or where the boards can be learned from with no lens at all.
     """
-    views = _told(views.placeable(), options)
+    views = views.placeable()
+    try:
+        return _of_told(_told(views, options), options)
+    except EstimationError:
+        turned = with_half_turns(views)
+        found = None if turned is None else _half_a_turn_on(turned, options)
+        if found is None:
+            raise
+        return found
+
+
+def _half_a_turn_on(views: BoardViews, options: CameraOptions) -> LensChoice | None:
+    """Return the lens of cameras that have boards half a turn on; None where that is no cure.
+
+    It is one where all of them fit then; pictures that belong to no other are no cause for it.
+    """
+    try:
+        told = _told(views, options)
+        return _of_told(told, options) if len(told) == len(views) else None
+    except (EstimationError, ModelError):
+        return None
+
+
+def _of_told(views: BoardViews, options: CameraOptions) -> LensChoice:
+    """Return the lens of cameras that have boards alike."""
     if options.lens != AUTO:
         return _compared(views, options)
     return replace(_chosen_by_boards(views, options), by_boards=True)
@@ -131,7 +159,7 @@ def _chosen_by_boards(views: BoardViews, options: CameraOptions) -> LensChoice:
 def _gaining(views: BoardViews, choice: LensChoice, freed: LensChoice) -> LensChoice:
     """Return the lens with p1 and p2 if boards that were left out gain by them, or without."""
     before, after = (evidence_of(views, one.options, one.calibration) for one in (choice, freed))
-    if after is not None and (before is None or before.worse_than(after)):
+    if after is not None and (before is None or gains_by(before, after)):
         return replace(freed, left_out=after.residuals)
     return choice if before is None else replace(choice, left_out=before.residuals)
 

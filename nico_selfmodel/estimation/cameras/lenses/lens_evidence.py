@@ -199,6 +199,20 @@ def is_wrong(own: LensEvidence, other: LensEvidence) -> bool:
     return told and surplus(own, other) > _FAR_LIKELIER
 
 
+def gains_by(own: LensEvidence, more: LensEvidence) -> bool:
+    """Tell whether boards that were left out gain by numbers more: a hundredth, and for sure.
+
+    Sure is what two standard errors say, or corners that are far likelier besides (`is_wrong`), of
+    a lens that folds no image that the other one does not.
+    """
+    if own.worse_than(more):
+        return True
+    names, gain = own.calibration.views.cameras, float((own.left_out - more.left_out).mean())
+    before, after = (set(folds_of(names, one.calibration.cameras)) for one in (own, more))
+    sound = not more.flawed and after <= before
+    return sound and gain > _GAIN and is_wrong(own, more)
+
+
 def leaves_doubt(own: LensEvidence, other: LensEvidence, less: float) -> bool:
     """Tell whether another lens explains unseen boards, and corners not so much less likely.
 

@@ -91,7 +91,7 @@ def lens_misfits(
 
     found = []
     for e, camera in enumerate(views.cameras):
-        explained, k = explained_by(_fields(calibration, e))
+        explained, k = explained_by(lens_fields(calibration, e))
         seen = np.zeros((len(views), len(views.cameras), 2, len(views.p_GQ)))
         seen[:, e] = (views.seen[:, e] * inliers[:, None])[:, None]
         total = float(np.sum((r * seen.ravel()) ** 2))
@@ -136,7 +136,7 @@ def _misfit(
     return LensMisfit(camera, certain, float(share), size, held, aside)
 
 
-def _fields(calibration: CameraCalibration, camera: int) -> NDArray:
+def lens_fields(calibration: CameraCalibration, camera: int) -> NDArray:
     """Return displacements of all corners in one camera, zeros in the other. Shape (V, F, 2 C P).
 
     They are evaluated where the model has the corners: where these were measured, the residuals
