@@ -9,6 +9,7 @@ from nico_selfmodel.errors import DataError, ModelError, NotIdentifiableError
 from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.estimation.monitoring.body_relearning import calibrate_body_tool, rezero_body
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+from nico_selfmodel.estimation.tree.tree_errors import errors_of
 from nico_selfmodel.estimation.tree.tree_result import body_model
 from nico_selfmodel.sessions.whole_body import whole_body_session
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
@@ -114,6 +115,37 @@ def test_a_tip_that_the_body_does_not_know_becomes_part_of_it(body, data):
     details = to_json(update, judge(update))
     assert details["reach_mm"]["from"] in {m.name for m in body.tree.markers}
     assert not details["known"]
+
+
+def slipped(body, data, last, off):
+    """A recording in which the tip sits elsewhere on its link after a sample [m]."""
+    moved = tuple(
+        replace(m, X_LA=m.X_LA + np.eye(4, k=3) * off) if m.name == TIP else m
+        for m in body.tree.markers
+    )
+    here, there = (errors_of(tree, data) for tree in (body.tree, body.tree.with_markers(moved)))
+    row, table = here.observations.row, data.observations
+    part = np.append(0, row[1:] == row[:-1])
+    values = np.array(table.values)
+    values[row, part] += np.nan_to_num(there.residuals - here.residuals)
+    late = data.sample[table.pose] > last
+    values = np.where(late[:, None], values, table.values)
+    return replace(data, observations=replace(table, values=values))
+
+
+@pytest.mark.slow
+def test_a_tip_that_slips_half_way_is_named_and_no_joint():
+    data = whole_body_session(CLEAN, 5, 2, looks=2, hands=24)
+    body, table = knowing_body(CLEAN, 5, data), data.observations
+    shown = table.marker == [marker.name for marker in data.markers].index(TIP)
+    last = np.median(data.sample[table.pose[shown]])
+    sound = calibrate_body_tool(without(body, TIP), data, tool=TIP)
+    assert sound.found.meanwhile is None
+    spoilt = slipped(body, data, last, 0.004)
+    verdict = judge(calibrate_body_tool(without(body, TIP), spoilt, tool=TIP))
+    assert verdict.status == "FAIL"
+    assert verdict.reasons[0].startswith(f"marker '{TIP}' slipped on its link by about ")
+    assert not any("joint" in reason for reason in verdict.reasons)
 
 
 def test_a_known_point_that_moved_is_learned_anew(body, data):

@@ -199,7 +199,7 @@ def calibrate_body_tool(
     told = told_by(replace(model, tree=tree), data)
     turned = _is_turned(data, name)
     names = frozenset(f"{name}.{part}" for part in (FRAME_PARTS if turned else SHIFTS))
-    anew = _relearned(model, tree, told, names, test)
+    anew = _relearned(model, tree, told, names, test).asked_what_changed()
     after = anew.body(model)
     against, seconds = body_contradictions(after, data), time.perf_counter() - clock
     return BodyUpdate("tool", after, anew, before, seconds, tool=name, against=against)

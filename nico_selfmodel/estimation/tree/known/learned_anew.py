@@ -16,6 +16,7 @@ from nico_selfmodel.estimation.tree.known.known_with_errors import (
     drifts_of,
     new_parameters,
 )
+from nico_selfmodel.estimation.tree.timing.moved_meanwhile import Granted, moved_meanwhile
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration, refit_tree
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
@@ -70,6 +71,15 @@ class LearnedAnew:
         """
         surplus = self.misfit - self.expected
         return surplus < _FITS * self.spread and not (self.read_wrongly or self.seen_wrongly)
+
+    def asked_what_changed(self) -> "LearnedAnew":
+        """Return the same with what changed in the middle of the recording, if anything did."""
+        granted = Granted(self.learned, self.may_err)
+        change = moved_meanwhile(self.problem, self.solution, granted)
+        if change is not None and not self.fits:
+            # Joints gave way to it in some poses, and observations were set aside for it.
+            change = replace(change, ratio=np.inf)
+        return replace(self, found=replace(self.found, meanwhile=change))
 
     def body(self, model: BodyModel, name: str | None = None) -> BodyModel:
         """Return a body with what was learned in it; what else is known of it stays as it was."""

@@ -24,7 +24,6 @@ from nico_selfmodel.estimation.tree.forward.sights import sight_of
 from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.known.learned_anew import learn_anew
 from nico_selfmodel.estimation.tree.mirrors.mirrored_tree import names_of_mirrors, place_mirrors
-from nico_selfmodel.estimation.tree.timing.moved_meanwhile import Granted, moved_meanwhile
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import errors_of, told_as
 from nico_selfmodel.estimation.tree.tree_noise import noise_named
@@ -87,15 +86,10 @@ def calibrate_body_mirrors(
         names,
         noise=noise_named(model.noise, seen),
         name=name,
-    )
+    ).asked_what_changed()
     flat = flatness_of_glasses(learned.problem, learned.solution, learned.learned, learned.may_err)
     held_out = None if test is None else errors_of(learned.found.tree, test)
-    granted = Granted(learned.learned, learned.may_err)
-    change = moved_meanwhile(learned.problem, learned.solution, granted)
-    if change is not None and not learned.fits:
-        # Joints gave way to it in some poses, and observations were set aside for it.
-        change = replace(change, ratio=np.inf)
-    found = replace(learned.found, flatness=flat, test=held_out, meanwhile=change)
+    found = replace(learned.found, flatness=flat, test=held_out)
     told_of = {**model.provenance, "mirrors": {"dataset": data.name, **package_versions("drake")}}
     return BodyMirrors(found, replace(learned.body(model, name), provenance=told_of))
 
