@@ -136,7 +136,7 @@ class ArmController(ClosedAtEnd):
         return any(axis.on_its_way for axis in self.axes)
 
     def connect(self) -> tuple[str, ...]:
-        """Find the motors and read them all. Moves and resets nothing.
+        """Find the motors and read them all. Moves nothing, and resets nothing that has a zero.
 
         A motor whose servo is on (an earlier program left it holding) stays on, with the gains of
         the configuration; one that still moves is stopped before anything else.

@@ -137,7 +137,7 @@ class JointBus(Protocol):
         ...
 
     def find(self) -> None:
-        """Find every motor; moves and resets nothing.
+        """Find every motor; moves nothing, and resets nothing that has a zero.
 
         Raises:
             BusError: If one is missing or not what it should be; says which and what to do.
