@@ -38,7 +38,7 @@ def _incomplete_beta(x: float, a: float, b: float) -> float:
         return 0.0
     # Abramowitz, Stegun 26.5.8, from the left (Lentz 1976).
     size = exp(lgamma(a + b) - lgamma(a) - lgamma(b) + a * log(x) + b * log(1.0 - x)) / a
-    c, d, fraction = 1.0, 1.0 / (1.0 - (a + b) * x / (a + 1.0) or _TINY), 1.0
+    c, d = 1.0, 1.0 / (1.0 - (a + b) * x / (a + 1.0) or _TINY)
     fraction = d
     for m in range(1, _TERMS):
         even = m * (b - m) * x / ((a + 2 * m - 1.0) * (a + 2 * m))

@@ -50,7 +50,8 @@ def add_directives(path: str | Path, parser: Parser) -> dict[str, Learned]:
     `self_model.yaml` or `body.yaml` in one); where a self-model names no robot, or another one is
     meant, `robot` with the arguments of `ArmDescription.from_urdf`; `frame` (`instance::frame`)
     that is the measuring frame, the world if omitted; and `default_joint_positions` (joint -> rad
-    or m). All else is Drake's. Paths, those of `file` too, start at the folder of the file.
+    or m). It stands in this file, not in one that `add_directives` of it names. All else is
+    Drake's. Paths, those of `file` too, start at the folder of the file.
 
     Args:
         parser: Of a plant that is not finalized, with the packages that the file needs.
@@ -91,6 +92,8 @@ def add_directives(path: str | Path, parser: Parser) -> dict[str, Learned]:
             raise ModelError(str(error)) from error
         except (RuntimeError, ValueError) as error:
             reason = " ".join(str(error).split()).removeprefix("error: ")
+            if f"key '{OWN}'" in reason:  # Drake reads files that others name
+                reason = f"{OWN} in a file that another one names: put it into {path} itself"
             raise ModelError(f"{where}: {reason}") from error
     filter_collisions(groups, parser)
     return robots

@@ -238,3 +238,13 @@ def test_a_collision_filter_group_of_nothing_is_refused_by_its_place(scene, memb
         overlaps(scene, TWO + GROUP % ("g", members, ignored))
     with pytest.raises(ModelError, match="there is a group 'g' already"):
         overlaps(scene, TWO + "\n".join([GROUP % ("g", "a::one", "g")] * 2))
+
+
+def test_a_self_model_in_a_file_that_another_one_names_is_refused_by_name(scene):
+    inner = scene("directives:\n- add_self_model: {name: arm, model: learned.yaml}\n")
+    inner = inner.rename(inner.with_name("inner.yaml"))
+    outer = scene(f"directives:\n- add_directives: {{file: {inner.as_uri()}}}\n")
+    said = "directive 1: add_self_model in a file that another one names: put it into .*scene.yaml"
+    plant = MultibodyPlant(0.0)
+    with pytest.raises(ModelError, match=said):
+        add_directives(outer, Parser(plant))

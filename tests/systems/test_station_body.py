@@ -1,5 +1,7 @@
 """Driving a station through its ports: settling, sampling, and what can go wrong."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pydrake.systems.framework import BasicVector, DiagramBuilder, LeafSystem
@@ -235,3 +237,12 @@ def test_joints_that_move_while_somebody_looks_are_looked_at_again():
     seen = body.move_and_measure([400.0, 0.0])
     assert seen.points["hand"][:2] == pytest.approx(seen.encoders)
     assert body.context.get_time() > calm.context.get_time() + 0.3
+
+
+def test_joints_that_never_stay_where_they_were_looked_at_end_in_time(monkeypatch):
+    body = late()
+    look = body._look
+    monkeypatch.setattr(body, "_look", lambda: replace(one := look(), encoders=one.encoders + 9.0))
+    with pytest.raises(RobotError, match=r"did not stay at rest within 4 s.*does one swing or sag"):
+        body.move_and_measure([400.0, 0.0])
+    assert body.context.get_time() < 12.0

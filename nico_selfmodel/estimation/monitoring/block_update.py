@@ -149,7 +149,7 @@ def learn_with_prior(
         NotIdentifiableError: If the data leave a parameter of the block open.
     """
     columns = np.array([observations.names.index(name) for name in names], dtype=int)
-    program, known, block = _program_with_prior(model, observations, columns, observations.x)
+    program, known, block = _program_with_prior(model, observations, columns)
     _require_known(observations, columns, names, scales)
     solution, outliers = _settle(program, observations, loss)
     x, inliers = solution.x, ~outliers
@@ -188,13 +188,13 @@ def _program(observations: HandObservations, free: NDArray) -> CalibrationProgra
 
 
 def _program_with_prior(
-    model: SelfModel, observations: HandObservations, columns: NDArray, mean: NDArray
+    model: SelfModel, observations: HandObservations, columns: NDArray
 ) -> tuple[CalibrationProgram, NDArray, "_GaussianPrior"]:
     """Return the program in which some columns are free and all that may err is, under its prior.
 
     Args:
+        observations: Where what may err has its mean.
         columns: Numbers of what has no prior. Shape (k,).
-        mean: Of the prior. Shape (P,).
 
     Returns:
         The program, numbers of what may err, shape (m,), and their prior.
@@ -203,7 +203,7 @@ def _program_with_prior(
     known = np.setdiff1d(np.flatnonzero(np.diag(prior) > 0.0), columns)
     program = _program(observations, np.concatenate([known, columns]))
     names = tuple(observations.names[i] for i in known)
-    block = _GaussianPrior(names, mean[known], prior[np.ix_(known, known)])
+    block = _GaussianPrior(names, observations.x[known], prior[np.ix_(known, known)])
     if len(known):
         program.add_residuals(block)
     return program, known, block
@@ -218,7 +218,7 @@ def _off_whatever_errs(
         observations: Where the block was learned, the rest as it is known.
         columns: Numbers of the block. Shape (k,).
     """
-    program, _, _ = _program_with_prior(model, observations, columns, observations.x)
+    program, _, _ = _program_with_prior(model, observations, columns)
     return _settle(program, observations, loss)[1]
 
 
@@ -391,7 +391,7 @@ def _least_misfit(
     `_misfit` takes the block where it fits a body without errors best, and slopes for what may be
     too far away for them.
     """
-    program, known, _ = _program_with_prior(model, observations, columns, observations.x)
+    program, known, _ = _program_with_prior(model, observations, columns)
     program.set_loss(_HAND, Loss(), inliers.astype(float))
     x = program.solve().x
     prior = np.sum(program.residuals(_HAND + 1, x) ** 2) if len(known) else 0.0

@@ -204,8 +204,13 @@ class StationBody:
 
     def _look_at_rest(self, command: NDArray) -> Measurement:
         """Look; again, if the encoders are elsewhere when they are read next."""
-        measurement = self._look()
+        measurement, end = self._look(), self.context.get_time() + self._patience.timeout
         while self._times.are_known and not self._alike(self._read_next(), measurement.encoders):
+            if self.context.get_time() > end:
+                raise RobotError(
+                    f"the joints did not stay at rest within {self._patience.timeout:g} s: "
+                    f"{self._farthest(self._read('encoders') - command)}; does one swing or sag?"
+                )
             self._go(command)
             measurement = self._look()
         return measurement

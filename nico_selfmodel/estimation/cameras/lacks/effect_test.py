@@ -16,7 +16,8 @@ and with e' S^-1 e = T^2, (V - m) / ((V - 1) m) T^2 is F with m and V - m degree
 corners err by themselves, F = (g'e / m) / ((r'r - g'e) / (n - m)).
 """
 
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,8 +88,7 @@ class EffectTest:
 
     def beside(self, columns: NDArray) -> "EffectTest":
         """Return the test had the fit an effect, too. Shape (V, m, k)."""
-        found = object.__new__(EffectTest)
-        found.__dict__.update(self.__dict__)
+        found = copy(self)
         more = self._without(self._beyond_boards(columns))
         found._basis = np.hstack([self._basis, _basis_of(more)])
         found._r = found._without(self._r[:, None])[:, 0]
@@ -147,7 +147,7 @@ class EffectTest:
         start = int(self.inliers[places[np.argmax(explained)]])
         later = (np.arange(len(columns)) >= start)[:, None, None]
         found = self.of(columns * later, len(places))
-        return None if found is None else _from(found, start)
+        return None if found is None else replace(found, start=start)
 
     def of_one_view(self, columns: NDArray) -> EffectScore | None:
         """Hold an effect on one view against what the same explains in the others.
@@ -170,7 +170,7 @@ class EffectTest:
         moved = self._beyond_boards(alone) @ e
         squares = float(explained[most])
         found = self._score(e, (others + 1) * chance, np.sqrt(m * ratio), squares, moved)
-        return _from(found, view)
+        return replace(found, start=view)
 
     def _sums(self, columns: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Return Z'Z, Q'Z and Z'r of each view that counts. Shapes (I, m, m), (I, s, m), (I, m)."""
@@ -218,10 +218,6 @@ class EffectTest:
     def _by_view(self, rows: NDArray) -> NDArray:
         """Return rows of the views that count, by views. Shape (n, ...) -> (I, k, ...)."""
         return rows.reshape(len(self.calibration.views), -1, *rows.shape[1:])[self.inliers]
-
-
-def _from(found: EffectScore, start: int) -> EffectScore:
-    return EffectScore(**{**found.__dict__, "start": start})
 
 
 def _is_told(columns: NDArray, length: NDArray) -> bool:
