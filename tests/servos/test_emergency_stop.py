@@ -4,6 +4,7 @@ import pytest
 
 from nico_selfmodel.errors import BusError, ServoFault
 from nico_selfmodel.servos.arm.shutdown import stop_unseen
+from nico_selfmodel.servos.ports import PortLostError
 
 from ..slow_rest import slow_rest
 from .arms import JOINTS, MAKES, drive, virtual_arm
@@ -229,3 +230,18 @@ def test_servos_on_a_noisy_line_are_told_to_stop_all_the_same(make):
         made.arm.release()
     made.port.sleep(0.1)
     assert held(made) == [False] * 6
+
+
+@pytest.mark.parametrize("how", ["stop", "release", "silence"])
+def test_a_port_that_is_gone_is_named_by_a_stop_and_not_every_joint(any_arm, how):
+    arm = any_arm.arm
+    arm.move(dict.fromkeys(JOINTS, 0.3))
+    go_on(any_arm, 2)
+    any_arm.port.unplugged = True
+    if how == "silence":  # the host was late, and the cycle stops the arm
+        arm._alive = -1e9
+    with pytest.raises(PortLostError, match=r"The arm stops by itself") as caught:
+        {"stop": arm.stop, "release": arm.release, "silence": arm.cycle}[how]()
+    assert "module" not in str(caught.value)
+    with pytest.raises(BusError, match="not connected"):
+        arm.stop()

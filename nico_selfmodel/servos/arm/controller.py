@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,6 +28,8 @@ from nico_selfmodel.servos.bus_settings import BusSettings
 from nico_selfmodel.servos.drivers import driver_of
 from nico_selfmodel.servos.ports import PortLostError
 from nico_selfmodel.with_blocks import ClosedAtEnd
+
+_T = TypeVar("_T")
 
 _STALE = 0.1
 
@@ -314,10 +317,10 @@ class ArmController(ClosedAtEnd):
                 what = str(error) if str(axis) in str(error) else f"{axis} is lost: {error}"
                 raise kind(f"{what}. {others}", partial=self.state()) from error
 
-    def _on_port(self, action: Callable[[], None]) -> None:
+    def _on_port(self, action: Callable[[], _T]) -> _T:
         """Do something with all motors at once."""
         try:
-            action()
+            return action()
         except PortLostError as error:
             raise self._port_lost(error) from error
 
@@ -347,10 +350,11 @@ class ArmController(ClosedAtEnd):
 
         Raises:
             BusError: If a motor did not confirm; all others were told nevertheless.
+            PortLostError: If the port is gone.
         """
         self._require_connection()
         axes = [axis for axis in self.axes if axis.enabled]
-        failures = stop_each(self.bus, axes, smoothly=smoothly)
+        failures = self._on_port(lambda: stop_each(self.bus, axes, smoothly=smoothly))
         if failures:
             raise BusError(f"not every joint confirmed the stop: {'; '.join(failures)}")
 
@@ -364,7 +368,8 @@ class ArmController(ClosedAtEnd):
             BusError: If a motor did not confirm; all others were told nevertheless.
         """
         self._require_connection()
-        failures = release_at_once(self.bus, self._chosen(joints))
+        chosen = self._chosen(joints)
+        failures = self._on_port(lambda: release_at_once(self.bus, chosen))
         if failures:
             raise BusError(f"not every joint confirmed the release: {'; '.join(failures)}")
 

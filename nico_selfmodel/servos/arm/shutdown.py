@@ -8,6 +8,7 @@ from nico_selfmodel.servos.arm.motor import JointBus, Reading
 from nico_selfmodel.servos.arm.servo_config import LONGEST_STOP
 from nico_selfmodel.servos.arm.take_over import take_over
 from nico_selfmodel.servos.bus_settings import NoisyLineError
+from nico_selfmodel.servos.ports import PortLostError
 
 _STANDSTILL = 1.0
 """How long a joint that was stopped may take until it stands [s]."""
@@ -26,12 +27,17 @@ def stop_each(bus: JointBus, axes: Sequence[Axis], *, smoothly: bool = True) -> 
 
     Returns:
         What failed, in words; empty if every axis confirmed.
+
+    Raises:
+        PortLostError: If the port is gone: then nobody can be told.
     """
     if not axes:
         return []
     failures = []
     try:
         bus.stop_all([axis.motor for axis in axes], smoothly=smoothly)
+    except PortLostError:
+        raise
     except RobotError as error:
         failures.append(str(error))
     # Not before: who interrupts this must find something to stop.
@@ -50,6 +56,9 @@ def _each(axes: Sequence[Axis], action: Callable[[Axis], object]) -> list[str]:
     """Do something with each axis; return why it failed, in words.
 
     On a line that never becomes quiet nobody else can be understood either.
+
+    Raises:
+        PortLostError: If the port is gone.
     """
     failures = []
     for axis in axes:
@@ -57,6 +66,8 @@ def _each(axes: Sequence[Axis], action: Callable[[Axis], object]) -> list[str]:
             action(axis)
         except NoisyLineError as error:
             return [*failures, f"{error}; all were told, none could confirm"]
+        except PortLostError:
+            raise
         except ServoFault as fault:
             failures.append(str(fault))
         except RobotError as error:
@@ -119,6 +130,8 @@ def release_at_once(bus: JointBus, axes: Sequence[Axis]) -> list[str]:
     failures = []
     try:
         bus.release_all([axis.motor for axis in axes])
+    except PortLostError:
+        raise
     except RobotError as error:
         failures.append(str(error))
     return failures + release_each(axes)
